@@ -30,7 +30,7 @@ PANELS = {
     "Controllers": (
         "controllers",
         (
-            *("compare", "evaluate", "reproduce", "scenes", "tune", "analyse"),
+            *("compare", "evaluate", "reproduce", "scenes", "throw", "tune", "analyse"),
             *("calibrate", "estimate", "optimum"),
         ),
     ),

@@ -17,7 +17,11 @@ EPOCH = (2020, 1, 1, 0, 0, 0)  # of every entry
 
 
 def pack_system(
-    name: str, fmi_version: FmiVersion = 2, out: Path = SYSTEMS, models: Mapping[str, Path] | None = None
+    name: str,
+    fmi_version: FmiVersion = 2,
+    out: Path = SYSTEMS,
+    models: Mapping[str, Path] | None = None,
+    opened: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Path:
     """Build the FMUs of the system `name`, pack it and return the path, e.g. build/systems/nominal-fmi3.ssp.
 
@@ -31,6 +35,8 @@ def pack_system(
         if component.fmu in (models or {}) and known[component.fmu].suffix != ".fmu":
             inputs = {v.name for v in load_model(known[component.fmu]).inputs}
             spec = spec.fitted(component.name, inputs)
+    for component_name, inputs in (opened or {}).items():
+        spec = spec.opened(component_name, inputs)
     resources: dict[str, Path] = {}
     for component in spec.components:
         if component.fmu not in known:

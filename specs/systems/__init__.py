@@ -112,6 +112,18 @@ class SystemSpec:
             offered=(),
         )
 
+    def opened(self, component: str, inputs: Mapping[str, str]) -> "SystemSpec":
+        """The system with `inputs` of `component` taken off their sources: system inputs of these names."""
+        return replace(
+            self,
+            connections=tuple(
+                replace(c, source=Connector("", inputs[c.target.name]))
+                if c.target.component == component and c.target.name in inputs
+                else c
+                for c in self.connections
+            ),
+        )
+
 
 def names() -> tuple[str, ...]:
     """Names of all defined systems."""

@@ -75,6 +75,15 @@ def test_a_model_in_a_controllers_place_gets_what_is_offered_and_it_wants() -> N
     assert nominal.fitted("slew", {"q_slew"}) == nominal
 
 
+def test_inputs_that_are_opened_are_set_from_outside_and_nothing_else_changes() -> None:
+    spec = systems.load("reference")
+    opened = spec.opened("machine", {"u_slew": "joystick"})
+    changed = [(a, b) for a, b in zip(spec.connections, opened.connections, strict=True) if a != b]
+    assert [(b.source.component, b.source.name) for _, b in changed] == [("", "joystick")]
+    assert changed[0][0].target == changed[0][1].target
+    assert changed[0][0].target.name == "u_slew"
+
+
 def test_the_step_and_the_algorithm_are_in_our_annotation() -> None:
     root = etree.fromstring(ssd.render(systems.load("nominal"), 3).encode())
     annotation = root.find(f"{{*}}Annotations/{SSC}Annotation")

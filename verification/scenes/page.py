@@ -34,11 +34,10 @@ def write(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], table: Table
     return shell.write_whole(path, shell.document("scenes", body, drawn))
 
 
-def fill(path: Path, mark: str, command: str, table: Table, families: Table) -> None:
-    """Write both tables between the markers of `mark` in a Markdown page, with the command that made them."""
+def fill(path: Path, mark: str, command: str, *tables: Table) -> None:
+    """Write the tables between the markers of `mark` in a Markdown page, with the command that made them."""
     head = f"`{command}`, version {VERSION}; everything is simulated.\n\n"
-    both = (markdown.table(*table), markdown.table(*families))
-    markers.fill(path, mark, head + "\n".join(both))
+    markers.fill(path, mark, head + "\n".join(markdown.table(*table) for table in tables))
 
 
 def _section(scene: Scene, row: Row, number: int, drawn: list[Figure]) -> Iterator[str]:

@@ -1,11 +1,12 @@
 """One run of a scene: planned, driven on the simulated reference machine, recorded, its contacts checked."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path as File
 from tempfile import TemporaryDirectory
+from typing import Protocol
 
 import numpy as np
 
@@ -36,18 +37,48 @@ DIRECT_S = 25.0  # for a target at most, of a controller without a plan
 LED = "@path"  # after a controller's name: its target is moved along the planned path
 LEAD_S = 1.5  # by which that target is ahead of the plan
 AFTER_S = 2.0  # recorded beyond the last target
+GUARDED = "+guard"  # after a controller's name: the guard of the control core stands behind it
+# A controller's commands, and what they are as inputs of the system where something stands between
+COMMANDS = {"u_slew": "joystick_slew", "u_boom": "joystick_boom", "u_stick": "joystick_stick"}
+OPENED = {"machine": COMMANDS}  # components and inputs that are set from outside then
 TRUE = ("true_q_slew", "true_q_boom", "true_q_stick", "true_q_tool_y", "true_q_tool_x")  # as pose.ANGLES
+
+
+class Guard(Protocol):
+    """What stands between commands and machine: `deployment.guard.alone.Alone`."""
+
+    @property
+    def reads(self) -> Collection[str]:
+        """The sensors that it needs."""
+        ...
+
+    def begin(self, sensors: Mapping[str, float]) -> float:
+        """The machine stands still, and has for a while: the distance that is left after all margins, m."""
+        ...
+
+    def step(self, sensors: Mapping[str, float], wanted: Mapping[str, float]) -> tuple[dict[str, float], str]:
+        """What may be sent of `wanted`, and for which part of the machine it is less ("": it is not)."""
+        ...
+
+
+Guarding = Callable[[Scene], Guard]
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is run: a scene, a controller by its name or file, a drawn machine's parameters, a seed."""
+    """What is run: a scene, a controller (name or file), a drawn machine's parameters, a seed, who guards."""
 
     scene: Scene
     controller: str
     machine: str = "nominal"
     drawn: Mapping[str, float] = field(default_factory=dict)
     seed: int = 1
+    guarding: Guarding | None = None
+
+    @property
+    def driver(self) -> str:
+        """The controller without what stands behind it."""
+        return self.controller.removesuffix(GUARDED)
 
     @property
     def load_kg(self) -> float:
@@ -70,6 +101,7 @@ class Ran:
     record: Record | None
     legs: tuple[Leg, ...]
     begins: tuple[int, ...]
+    parts: tuple[str, ...] = ()  # for which the guard stepped in at each tick; "": it did not
 
 
 def names() -> list[str]:
@@ -88,10 +120,10 @@ def check(controller: str) -> None:
 
 def run(case: Case) -> Ran:
     """Plan where the controller follows plans, and drive."""
-    follows, led = case.controller in follower.KINDS, case.controller.endswith(LED)
+    follows, led = case.driver in follower.KINDS, case.driver.endswith(LED)
     if not follows and not led:
         return _aimed(case, ())
-    legs = planned(case.scene, follows and follower.find(case.controller).flat, case.seed)
+    legs = planned(case.scene, follows and follower.find(case.driver).flat, case.seed)
     if any(leg.path is None for leg in legs):
         return Ran(case, None, legs, ())
     return _follow(case, legs) if follows else _aimed(case, legs)
@@ -104,7 +136,7 @@ def planned(scene: Scene, flat: bool, seed: int) -> tuple[Leg, ...]:
 
 
 def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
-    driver, begins = follower.find(case.controller).make(), list[int]()
+    driver, begins = follower.find(case.driver).make(), list[int]()
     last, paths = [10**9], [leg.path for leg in legs if leg.path]
 
     def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
@@ -118,16 +150,16 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
         return checked(driver.step({**sensors, "load_told": 0.0, "pace": 1.0}), case.controller)
 
     seconds = sum(path.seconds + MOST_EXTRA_S for path in paths) + AFTER_S
-    record = _driven(case, _plant(), offered(SYSTEM), answer, seconds)
-    return Ran(case, record, legs, tuple(begins))
+    record, parts = _driven(case, bare(bool(case.guarding)), offered(SYSTEM), answer, seconds)
+    return Ran(case, record, legs, tuple(begins), parts)
 
 
 def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
     """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
-    system, settings = _controlled(case.controller.removesuffix(LED))
+    system, settings = _controlled(case.driver.removesuffix(LED), bool(case.guarding))
     aims = Aims(case.scene, legs)
-    record = _driven(case, system, SENSED, aims, sum(aims.longest) + AFTER_S, settings)
-    return Ran(case, record, legs, tuple(aims.begins))
+    record, parts = _driven(case, system, SENSED, aims, sum(aims.longest) + AFTER_S, settings)
+    return Ran(case, record, legs, tuple(aims.begins), parts)
 
 
 class Aims:
@@ -169,7 +201,8 @@ class Aims:
 def _driven(
     case: Case, system: System, sensed: Collection[str], answer: Answer, seconds: float,
     settings: Mapping[str, float] | None = None,
-) -> Record:  # fmt: skip
+) -> tuple[Record, tuple[str, ...]]:  # fmt: skip
+    """The record, and for which part of the machine the guard stepped in at each tick."""
     start = pose_of(case.scene.start)
     values = {
         **case.drawn,
@@ -178,29 +211,57 @@ def _driven(
     }
     parameters = {**seeds(system, case.seed), **plant_parameters(system, SYSTEM, values), **(settings or {})}
     options = Options(settings=system.settings, seed=case.seed)
-    columns, rows = stepped(
-        system, system.start_values(parameters), options, round(seconds / TICK_S), sensed, answer
-    )
+    told, ticks, behind = system.start_values(parameters), round(seconds / TICK_S), Behind(case, answer)
+    if case.guarding:
+        columns, rows = stepped(system, told, options, ticks, {*sensed, *behind.reads}, behind, COMMANDS)
+    else:
+        columns, rows = stepped(system, told, options, ticks, sensed, answer)
     meta = {
         "slewright": VERSION, "system": SYSTEM, "step_s": TICK_S, "scene": case.scene.name,
         "controller": case.controller, "machine": case.machine, "load_kg": case.load_kg,
     }  # fmt: skip
-    return Record.from_rows([TIME, *columns], rows, meta)
+    return Record.from_rows([TIME, *columns], rows, meta), tuple(behind.parts)
+
+
+class Behind:
+    """An answer with the case's guard behind it: as in the control core, both see the same sensors."""
+
+    def __init__(self, case: Case, answer: Answer):
+        self.parts: list[str] = []
+        self._answer = answer
+        self._guard = case.guarding(case.scene) if case.guarding else None
+        self.reads = self._guard.reads if self._guard else ()
+
+    def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
+        """Inputs of the system with what may be sent."""
+        inputs = self._answer(tick, sensors)
+        if inputs is None or self._guard is None:
+            return inputs
+        if tick == 0:
+            self._guard.begin(sensors)
+        wanted = {name: {**sensors, **inputs}[name] for name in COMMANDS}
+        passed, part = self._guard.step(sensors, wanted)
+        self.parts.append(part)
+        others = {name: value for name, value in inputs.items() if name not in COMMANDS}
+        return others | {COMMANDS[name]: value for name, value in passed.items()}
 
 
 @cache
-def _plant() -> System:
-    """The reference machine without its controller."""
-    return assemble(systems_spec.load(SYSTEM).without(SLOT))
+def bare(opened: bool) -> System:
+    """The reference machine without its controller; `opened`: its commands are set from outside."""
+    spec = systems_spec.load(SYSTEM).without(SLOT)
+    for component, inputs in OPENED.items() if opened else ():
+        spec = spec.opened(component, inputs)
+    return assemble(spec)
 
 
 @cache
-def _controlled(name: str) -> tuple[System, dict[str, float]]:
-    """The reference machine with a controller in its place, and that controller's settings."""
+def _controlled(name: str, opened: bool) -> tuple[System, dict[str, float]]:
+    """The reference machine with a controller in its place, and its settings; `opened`: as `bare`."""
     if name in registry.names():
         found = registry.find(name)
     else:
         found = policies.controllers([File(name)])[File(name)]
     with TemporaryDirectory(prefix="slewright-") as folder:
-        ssp = pack_system(SYSTEM, out=File(folder), models=found.models)
-        return load_system(ssp), found.parameters
+        packed = pack_system(SYSTEM, out=File(folder), models=found.models, opened=OPENED if opened else {})
+        return load_system(packed), found.parameters

@@ -7,19 +7,22 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from baselines.planning.planner import hanging
+from baselines.following.follower import SENSED
+from baselines.planning.planner import hanging, pose_of
 from records.metrics import BAND_DEG
 from records.record import Record
 from specs import pose
+from specs.scenario import Target
 from specs.scene import Box, Scene
 from verification.scenes.contacts import contacts
-from verification.scenes.run import TICK_S, TRUE, Ran
+from verification.scenes.run import TICK_S, TRUE, Guard, Ran
 
 STAYS_S = 0.5  # that the grab is to be within the tolerance; drivers wait longer, by their sensors
 EVERY = 10  # ticks between the samples of the cross-track error that are kept
 SAMPLES = "cross_track"  # a row's samples, which summaries pool
 PICTURE = "picture"  # what a page draws of a run
 PICTURE_TICKS = 10  # between the poses of it
+GUARD_SUMS = ("interventions", "start_too_near", "targets_too_near")
 
 
 def score(ran: Ran) -> dict[str, Any]:
@@ -52,7 +55,29 @@ def score(ran: Ran) -> dict[str, Any]:
         **_times(ran, record, grab),
         "tool": float(np.mean(np.degrees(np.hypot(*(record.column(f"true_qd_tool_{a}") for a in "xy"))))),
         "swing_deg": float(np.degrees(np.abs(angles[:, 3:]).max())),
+        **_stepped_in(ran),
     }
+
+
+def _stepped_in(ran: Ran) -> dict[str, Any]:
+    """How often the guard stepped in, for how long, for which parts; whether it must at start and targets."""
+    scene = ran.case.scene
+    if ran.case.guarding is None:
+        return {}
+    guard, on = ran.case.guarding(scene), np.array([part != "" for part in ran.parts])
+    start, *targets = (guard.begin(_rest(target, guard)) < 0.0 for target in (scene.start, *scene.targets))
+    return {
+        "interventions": int(np.count_nonzero(on & ~np.append(False, on[:-1]))),
+        "guarded_share": float(np.mean(on)),
+        "guarded_parts": sorted(set(ran.parts) - {""}),
+        "start_too_near": start,
+        "targets_too_near": sum(targets),
+    }
+
+
+def _rest(target: Target, guard: Guard) -> dict[str, float]:
+    """What the guard sees of a machine that stands still with its grab at a target."""
+    return dict.fromkeys(guard.reads, 0.0) | dict(zip(SENSED, pose_of(target).tolist(), strict=False))
 
 
 def _angles(record: Record) -> np.ndarray:
@@ -101,6 +126,7 @@ def _times(ran: Ran, record: Record, grab: np.ndarray) -> dict[str, Any]:
         taken += max(settled, 1) * TICK_S
     return {
         "cycle": (reached - ran.begins[0]) * TICK_S if ran.begins else None,
+        "targets": len(ran.case.scene.targets),
         "missed": missed + len(ran.case.scene.targets) - len(ran.begins),
         "speed": turned / taken if taken else 0.0,
     }
@@ -155,6 +181,10 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     if not driven:
         return found
     count = sum(row["contact"] for row in driven)
+    if "interventions" in driven[0]:
+        found["runs_stepped_in"] = sum(row["interventions"] > 0 for row in driven)
+        found["guarded_share"] = float(np.mean([row["guarded_share"] for row in driven]))
+        found |= {name: sum(row[name] for row in driven) for name in GUARD_SUMS}
     return {
         **found,
         "contacts": count,
@@ -164,11 +194,25 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "clearance_min": min(row["clearance"] for row in driven),
         "clearance_mean": float(np.mean([row["clearance"] for row in driven])),
         "too_fast_max": max(row["too_fast"] for row in driven),
+        "targets": sum(row["targets"] for row in driven),
         "missed": sum(row["missed"] for row in driven),
         **{
             name: float(np.mean([row[name] for row in driven]))
             for name in ("cycle", "speed", "tool", "swing_deg")
         },
+    }
+
+
+def guarded(alone: Mapping[str, Any], behind: Mapping[str, Any]) -> dict[str, Any]:
+    """What the guard did to a controller's figures: summaries of the same runs without and with it."""
+    if not alone["runs"]:
+        return {}
+    return {
+        "guarded": {name: value for name, value in behind.items() if name != "families"},
+        "contacts_guarded": behind["contacts"],
+        "interventions": behind["interventions"],
+        "speed_guarded": behind["speed"] / alone["speed"],
+        "cycle_guarded": behind["cycle"] / alone["cycle"],
     }
 
 

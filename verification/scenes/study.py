@@ -18,12 +18,13 @@ from specs.progress import Report
 from specs.scene import Scene
 from specs.schema import ROOT
 from verification.scenes import run as runs
-from verification.scenes.run import Case
-from verification.scenes.score import PICTURE, SAMPLES, score, summary
+from verification.scenes.run import GUARDED, Case, Guarding
+from verification.scenes.score import PICTURE, SAMPLES, guarded, score, summary
 
 ROWS = "rows.jsonl"
 PACKAGES = ("coal", "ompl", "toppra")
-ROOMS = ("specs", "fmus", "orchestrator", "baselines", "verification")  # whose sources decide what runs give
+# Whose sources decide what runs give
+ROOMS = ("specs", "fmus", "orchestrator", "runtime", "baselines", "verification", "deployment")
 Machines = Mapping[str, Mapping[str, float]]
 
 
@@ -35,6 +36,7 @@ class Job:
     controller: str
     machines: Machines
     seed: int
+    guarding: Guarding | None = None
 
 
 def check_controllers(controllers: Sequence[str]) -> None:
@@ -45,19 +47,27 @@ def check_controllers(controllers: Sequence[str]) -> None:
         runs.check(controller)
 
 
-def check_scenes(scenes: Sequence[Scene]) -> None:
-    """Raise InputError for a scene that the machine does not fit into, before anything runs."""
+def check_scenes(scenes: Sequence[Scene], guarding: Guarding | None = None) -> None:
+    """Raise InputError for a scene that machine or guard do not fit into, before anything runs."""
     for scene in scenes:
         Planner(scene).check()
+        if guarding:
+            guarding(scene)
 
 
 def study(
     scenes: Sequence[Scene], controllers: Sequence[str], machines: Machines, seed: int, jobs: int, out: Path,
-    report: Report,
+    report: Report, guarding: Guarding | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """The figures: of each controller, and every row."""
+    """The figures: of each controller, with a guard of each with and without it, and every row."""
     make_folder(out)
-    asked = [Job(scene, c, machines, seed) for c in controllers for scene in scenes]
+    kinds = ("", GUARDED) if guarding else ("",)
+    controllers = [f"{c}{kind}" for c in controllers for kind in kinds]
+    asked = [
+        Job(scene, c, machines, seed, guarding if c.endswith(GUARDED) else None)
+        for c in controllers
+        for scene in scenes
+    ]
     known = _known(out / ROWS)
     missing = [job for job in asked if _key(job) not in known]
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=warm_up) as pool:
@@ -75,7 +85,7 @@ def study(
             raise
     rows = {c: [row for job in asked if job.controller == c for row in known[_key(job)]] for c in controllers}
     return {
-        "controllers": {c: {**summary(of), "families": _families(of)} for c, of in rows.items()},
+        "controllers": _figures(rows),
         "labels": {c: label(c) for c in controllers},
         PICTURE: [row for of in rows.values() for row in of if PICTURE in row],
         "rows": [
@@ -91,8 +101,21 @@ def label(controller: str) -> str:
     known = follower.KINDS
     if controller in known:
         return known[controller].label
+    if controller.endswith(GUARDED):
+        return f"{label(controller.removesuffix(GUARDED))}, the guard behind it"
     led = controller.endswith(runs.LED)
     return "its target moved along the planned path" if led else "straight to the target, blind to the scene"
+
+
+def _figures(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Of each controller and its families; of those that were also guarded, what the guard did to them."""
+    figures = {c: {**summary(of), "families": _families(of)} for c, of in rows.items()}
+    for c in [c for c in figures if f"{c}{GUARDED}" in figures]:
+        behind = figures[f"{c}{GUARDED}"]
+        figures[c] |= guarded(figures[c], behind)
+        for family, found in figures[c]["families"].items():
+            found |= guarded(found, behind["families"][family])
+    return figures
 
 
 def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -110,7 +133,7 @@ def _rows(job: Job) -> list[dict[str, Any]]:
     """A row of each machine; the first one can be drawn."""
     rows = []
     for name, drawn in job.machines.items():
-        row = score(runs.run(Case(job.scene, job.controller, name, drawn, job.seed)))
+        row = score(runs.run(Case(job.scene, job.controller, name, drawn, job.seed, job.guarding)))
         rows.append({k: v for k, v in row.items() if not rows or k != PICTURE})
     return rows
 

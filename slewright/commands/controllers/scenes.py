@@ -1,8 +1,6 @@
 """`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
 
-import shlex
-import sys
-from itertools import pairwise
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,11 +12,16 @@ from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.sealed import purpose
 from slewright.tables import show
+from slewright.typed import command
 from specs.errors import InputError
 
 COLUMNS = (
     "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
     "speed °/s", "tool °/s", "missed", "plan p95 s",
+)  # fmt: skip
+GUARD_COLUMNS = (
+    "behind", "runs", "contacts without", "contacts with", "runs stepped in", "times", "share of time",
+    "speed kept", "cycle longer", "missed without", "missed with", "starts too near", "targets too near",
 )  # fmt: skip
 
 
@@ -55,6 +58,9 @@ def scenes(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
     ] = Path("out/scenes"),
+    guard: Annotated[
+        bool, typer.Option("--guard", help="Each controller also with the control core's guard behind it.")
+    ] = False,
     page: Annotated[
         Path | None,
         typer.Option(
@@ -66,6 +72,7 @@ def scenes(
     json: JsonOption = None,
 ) -> None:  # fmt: skip
     """Drive controllers through scenes: contacts, clearance, cross-track error, cycle time, speeds."""
+    from deployment.guard.alone import Alone
     from specs import draws, scene_families
     from verification.scenes import study
 
@@ -77,25 +84,23 @@ def scenes(
     if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     study.check_controllers(controllers)
-    mark = "sealed" if sealed else (scene or [""])[0].split(":")[0]
+    mark = ("guarded " if guard else "") + ("sealed" if sealed else (scene or [""])[0].split(":")[0])
     if page is not None and page.suffix == ".md":
         markers.around(page, mark)
     opened = draws.open_test_set(f"scenes: {sealed}") if sealed else None
     chosen = scene_families.sealed(opened) if opened else scene_families.find(scene or [])
-    study.check_scenes(chosen)
+    guarding = Alone if guard else None
+    study.check_scenes(chosen, guarding)
     drawn: dict[str, Any] = {draws.NOMINAL: {}}
     if machines:
         which = draws.SEALED if opened else draw_set
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
-        found = study.study(chosen, controllers, drawn, seed, jobs, out, report)
+        found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding)
     table = [_row(c, f) for c, f in found["controllers"].items()]
-    families = [
-        [family, *_row(c, f)]
-        for c, of in found["controllers"].items()
-        for family, f in of["families"].items()
-    ]
     show("Scenes, simulated reference machine", COLUMNS, table)
+    if guard:
+        show("The guard", GUARD_COLUMNS, [_guard_row(c, found["controllers"][c]) for c in controllers])
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
@@ -104,12 +109,24 @@ def scenes(
         from verification.scenes import page as pages
 
         if page.suffix == ".md":
-            pages.fill(page, mark, _command(), (COLUMNS, table), (("family", *COLUMNS), families))
+            pages.fill(page, mark, command(), *_tables(found["controllers"], controllers, guard))
         else:
             pages.write(page, chosen, pictures, (COLUMNS, table))
         typer.echo(f"written: {page}")
     first = found["controllers"][controllers[0]]
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
+
+
+def _tables(
+    figures: dict[str, Any], controllers: list[str], guard: bool
+) -> Iterator[tuple[tuple[str, ...], list[list[str]]]]:
+    """By controller, and where there are several families by them: of what the guard did, or all figures."""
+    columns, row = (GUARD_COLUMNS, _guard_row) if guard else (COLUMNS, _row)
+    yield columns, [row(name, figures[name]) for name in controllers]
+    families = {name: figures[name]["families"] for name in controllers}
+    if any(len(of) > 1 for of in families.values()):
+        rows = [[family, *row(name, f)] for name, of in families.items() for family, f in of.items()]
+        yield ("family", *columns), rows
 
 
 def _row(name: str, f: dict[str, Any]) -> list[str]:
@@ -123,17 +140,25 @@ def _row(name: str, f: dict[str, Any]) -> list[str]:
     ]  # fmt: skip
 
 
+def _guard_row(name: str, f: dict[str, Any]) -> list[str]:
+    """What the guard did behind a controller."""
+    if "guarded" not in f:
+        return [name, *["–"] * (len(GUARD_COLUMNS) - 1)]
+    with_it = f["guarded"]
+    return [
+        name, str(with_it["runs"]), _contacts(f), _contacts(with_it), str(with_it["runs_stepped_in"]),
+        str(f["interventions"]), f"{100 * with_it['guarded_share']:.0f} %", f"{f['speed_guarded']:.3f}",
+        f"{f['cycle_guarded']:.3f}", _missed(f), _missed(with_it), str(with_it["start_too_near"]),
+        str(with_it["targets_too_near"]),
+    ]  # fmt: skip
+
+
+def _missed(f: dict[str, Any]) -> str:
+    return f"{f['missed']} of {f['targets']}"
+
+
 def _contacts(f: dict[str, Any]) -> str:
     """Runs with a contact, and the upper end of the interval of their share."""
     if "contacts" not in f:
         return "–"
     return f"{f['contacts']} (≤ {100 * f['contact_share_ci95'][1]:.1f} %)"
-
-
-def _command() -> str:
-    """What was typed, without where the results go."""
-    words, left_out = [], ("--json", "--out", "--page", "--jobs")
-    for before, word in pairwise(["", *sys.argv[1:]]):
-        if word not in left_out and before not in left_out:
-            words.append(shlex.quote(word))
-    return f"slewright {' '.join(words)}"
