@@ -9,7 +9,8 @@ import numpy as np
 from reconcile.catalogue.kinds import kind
 from reconcile.core import QUIET, Core
 from reconcile.filter.kalman import SIGMA, WHITE, Values
-from reconcile.filter.point import Point
+from reconcile.filter.likelihood import NOISES
+from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
 from reconcile.shapes import Shapes
@@ -292,13 +293,17 @@ class Beam:
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         found, less = [], [p for k, p in self.points.items() if k < key]
         every = [(start, False) for start in starts]
-        every += [] if fresh is None else [(core.fresh | fresh, True)]
+        every += [] if fresh is None else [(core.afresh | fresh, True)]
         for number, (start, staged) in enumerate(every):
             least = min((p.total for p in (*found, *less)), default=np.inf)
             if found and least > most:
                 break
-            fit = core.fitter.fit_staged if staged else core.fitter.fit
-            point = fit(
+            if staged:
+                slow = self._slow(start, present, free)
+                if slow is None:
+                    continue
+                start = slow
+            point = core.fitter.fit(
                 start,
                 present,
                 free,
@@ -314,6 +319,18 @@ class Beam:
             best = min(found, key=lambda p: p.total)
             if key not in self.points or best.total < self.points[key].total:
                 self.points[key] = best
+
+    def _slow(self, start: Values, present: Sequence[Attached], free: Sequence[Free]) -> Values | None:
+        """Slow motion first, with little noise, from where the model without effects is then.
+
+        None where the effects gain nothing there: then the disturbance has not taken them over.
+        """
+        quiet, motion = self.core.quiet, [f for f in free if not f.name.startswith(NOISES)]
+        least = quiet.total if quiet else np.inf
+        point = self.core.fitter.fit(
+            start, present, motion, SHORT, every=2, hopeless=least, own=True, near=quiet
+        )
+        return point.values if point and point.total < least - WORTH else None
 
     def _neighbours(self, key: Key) -> bool:
         """Sets with one effect less, or with another one in its place; whether one is better."""

@@ -71,12 +71,15 @@ class Core:
         }
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
+        self.quiet: Point | None = None  # the base model fitted with little noise: slow motion
         first = self.values = self._first_values()
         self._choose_substeps()
         self.settle()
         noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
         quiet = {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
         self.fresh = self.values | noise | quiet | {v.name: v.start for v in self.model.parameters}
+        moved = self.quiet.values if self.quiet else self.fresh
+        self.afresh = self.fresh | {f.name: moved[f.name] for f in self.base_free}
 
     def _begun(self, record: Record) -> int:
         """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
@@ -209,7 +212,9 @@ class Core:
         if first:
             less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
             start = self.values | less | {v.name: v.start for v in self.model.parameters}
-            points.append(self.fitter.fit_staged(start, (), free, 25, own=True, every=2))
+            self.quiet = self.fitter.fit(start, (), self.base_free, 25, own=True)
+            begun = self.quiet.values if self.quiet else start
+            points.append(self.fitter.fit(begun, (), free, 25, own=True, every=2))
         found = [p for p in points if p is not None]
         if not found and self.model.kind == "continuous" and self.kalman.substeps < MOST_SUBSTEPS:
             self.kalman.substeps *= 2
