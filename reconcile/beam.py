@@ -183,13 +183,12 @@ class Beam:
 
         A delay of the only input is one of all outputs, and its own score may see a local optimum.
         """
-        units, taken = [q.unit for q in a.effect.parameters], {(x.effect.name, x.port) for x in key}
+        units = [q.unit for q in a.effect.parameters]
         return [
             self._in_place(key, a, Scored(b, 0.0, {b.name("gate"): 1.0} if b.effect.gated else {}))
-            for b in self.core.candidates
+            for b in self._beside(key)
             if kind(b.effect.name) == kind(a.effect.name)
             and b.effect.name != a.effect.name
-            and (b.effect.name, b.port) not in taken
             and [q.unit for q in b.effect.parameters] == units
             and self.core.reach.common(a, b)
         ]
@@ -252,11 +251,20 @@ class Beam:
         """Sets, most evidence first."""
         return sorted(self.points, key=lambda k: -self.evidence(k))
 
+    def _beside(self, key: Key) -> list[Attached]:
+        """Candidates that say something more than a set of effects does."""
+        taken = {(name, a.port) for a in key for name in (a.effect.name, a.effect.covers)}
+        within = {(a.effect.name, a.port) for a in key}
+        return [
+            a
+            for a in self.core.candidates
+            if (a.effect.name, a.port) not in taken and (a.effect.covers, a.port) not in within
+        ]
+
     def scores(self, key: Key) -> list[Scored]:
         """Candidates beside a set, best first."""
         if key not in self.scored:
-            taken = {(a.effect.name, a.port) for a in key}
-            others = [a for a in self.core.candidates if (a.effect.name, a.port) not in taken]
+            others = self._beside(key)
             if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
