@@ -105,10 +105,9 @@ class Beam:
         Beside a large one an input's gain may be fitted to nothing, and then no effect on it is seen.
         """
         core, before = self.core, self.evidence(self.ranked()[0])
-        plain = core.fitter.fit(core.fresh, (), core.base_free, LONG, own=True)
+        plain, found = core.slow, []
         if plain is None:
             return []
-        found = []
         scores = Screen(core, plain, self.shapes).all(core.candidates, {})
         for scored in scores[: 2 * SINGLES[0]]:  # far from the fit a score says less
             key, own = frozenset({scored.attached}), self._own(scored)
@@ -301,7 +300,7 @@ class Beam:
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         found, less = [], [p for k, p in self.points.items() if k < key]
         every = [(start, False) for start in starts]
-        every += [] if fresh is None else [(core.afresh | fresh, True)]
+        every += [] if fresh is None else [(core.slowly | fresh, True)]
         for number, (start, staged) in enumerate(every):
             least = min((p.total for p in (*found, *less)), default=np.inf)
             if found and least > most:
@@ -333,10 +332,10 @@ class Beam:
 
         None where the effects gain nothing there: then the disturbance has not taken them over.
         """
-        quiet, motion = self.core.quiet, [f for f in free if not f.name.startswith(NOISES)]
-        least = quiet.total if quiet else np.inf
+        slow, motion = self.core.slow, [f for f in free if not f.name.startswith(NOISES)]
+        least = slow.total if slow else np.inf
         point = self.core.fitter.fit(
-            start, present, motion, SHORT, every=2, hopeless=least, own=True, near=quiet
+            start, present, motion, SHORT, every=2, hopeless=least, own=True, near=slow
         )
         return point.values if point and point.total < least - WORTH else None
 

@@ -12,6 +12,7 @@ from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.likelihood import NOISES
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.free import FreeParameters
@@ -71,15 +72,12 @@ class Core:
         }
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
-        self.quiet: Point | None = None  # the base model fitted with little noise: slow motion
+        self.slow: Point | None = None  # the base model with little noise, as slow motion has it
         first = self.values = self._first_values()
+        noise = {n: v for n, v in first.items() if n.startswith(NOISES)}
+        self.little = noise | {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
         self._choose_substeps()
         self.settle()
-        noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
-        quiet = {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
-        self.fresh = self.values | noise | quiet | {v.name: v.start for v in self.model.parameters}
-        moved = self.quiet.values if self.quiet else self.fresh
-        self.afresh = self.fresh | {f.name: moved[f.name] for f in self.base_free}
 
     def _begun(self, record: Record) -> int:
         """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
@@ -182,6 +180,17 @@ class Core:
         """By place the size of the disturbance, as a share of the forces there."""
         return {p: values[SIGMA + p] / self.force_size(p) for p in self.kalman.places}
 
+    @property
+    def fresh(self) -> Values:
+        """The model as it came, without effects and with little noise."""
+        return self.values | self.little | {v.name: v.start for v in self.model.parameters}
+
+    @property
+    def slowly(self) -> Values:
+        """The same where slow motion was fitted: before a disturbance takes up what effects do."""
+        moved = {f.name: self.slow.values[f.name] for f in self.slow.free} if self.slow else {}
+        return self.fresh | moved
+
     def nominal(self) -> Point | None:
         """The model as it came, with the noise that was found."""
         values = self.base.values | {v.name: v.start for v in self.model.parameters}
@@ -206,15 +215,12 @@ class Core:
                 self._choose_substeps()
 
     def _base_fit(self, first: bool) -> Point:
-        """The model without effects: from where it is; at `first` also with less noise, for slow motion."""
+        """The model without effects: from where it is, and at `first` from slow motion too."""
         free = [*self.base_free, *self.noise_free]
         points = [self.fitter.fit(self.values, (), free, 25, own=True, every=2)]
+        self.slow = self.fitter.fit(self.slowly, (), self.base_free, 25, own=True)
         if first:
-            less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
-            start = self.values | less | {v.name: v.start for v in self.model.parameters}
-            self.quiet = self.fitter.fit(start, (), self.base_free, 25, own=True)
-            begun = self.quiet.values if self.quiet else start
-            points.append(self.fitter.fit(begun, (), free, 25, own=True, every=2))
+            points.append(self.fitter.fit(self.slowly, (), free, 25, own=True, every=2))
         found = [p for p in points if p is not None]
         if not found and self.model.kind == "continuous" and self.kalman.substeps < MOST_SUBSTEPS:
             self.kalman.substeps *= 2

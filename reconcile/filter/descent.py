@@ -72,9 +72,11 @@ class Descent:
         noise = [f for f in self.free if f.name.startswith(NOISES) and f.name not in self.by_noise]
         motion = [f for f in self.free if not f.name.startswith(NOISES) and f.name not in self.kept]
         for asked, known in ((motion, self.kept), (noise, self.by_noise)):
-            made = self.fitter.columns(
-                self.at.values, self.present, asked, self.at.e, self.at.s, self.own
-            ) if asked else ((), ())
+            made = (
+                self.fitter.columns(self.at.values, self.present, asked, self.at.e, self.at.s, self.own)
+                if asked
+                else ((), ())
+            )
             if made is None:
                 return False
             known |= {f.name: (made[0][:, j], made[1][:, j]) for j, f in enumerate(asked)}
