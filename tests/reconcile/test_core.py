@@ -64,7 +64,8 @@ def test_a_fit_far_off_its_noise_arrives_in_a_few_steps(friction: Beam):
     quiet = {n: 0.01 * v for n, v in core.base.values.items() if n.startswith(NOISES) and "tau" not in n}
     start = core.base.values | quiet | {"mass": 4.0}
     few, many = (core.fitter.fit(start, (), core.base_free, n, own=True) for n in (4, 60))
-    assert few is not None and many is not None
+    assert few is not None
+    assert many is not None
     begun = core.fitter.at(start, (), core.base_free, True)
     assert begun is not None
     assert begun.total - few.total > 0.99 * (begun.total - many.total) > 100.0
