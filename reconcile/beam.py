@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from reconcile.catalogue.kinds import kind
-from reconcile.core import QUIET, Core
-from reconcile.filter.kalman import SIGMA, WHITE, Values
+from reconcile.core import Core
+from reconcile.filter.kalman import Values
 from reconcile.filter.likelihood import NOISES
 from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
@@ -128,15 +128,14 @@ class Beam:
                 self.fit(key, point.present, [], fresh=effects(point.values, point.present))
 
     def settle(self) -> list[Key]:
-        """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
+        """Fit the best sets to the end: one that has not settled looks worse."""
         self.report("settling")
         done: set[Key] = set()
         while todo := [k for k in self._foremost() if k not in done]:
             key = todo[0]
             done.add(key)
             point = self.points[key]
-            quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
-            self.fit(key, point.present, [point.values, point.values | quiet], LONG, near=point)
+            self.fit(key, point.present, [point.values], LONG, near=point)
             if key == self.ranked()[0]:
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
