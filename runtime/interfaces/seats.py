@@ -138,7 +138,8 @@ class Seat:
             self._tell(f"{self.client} has the right to command", Level.NOTE)
         elif self.client and not self._had and not self._told and now - self._asked_ns >= LAPSE_NS:
             self._told = True
-            self._tell(f"{self.client} is refused the right to command: somebody else has it", Level.WARNING)
+            why = "somebody else has it" if self._granted.number else "the controller does not run yet"
+            self._tell(f"{self.client} is refused the right to command: {why}", Level.WARNING)
         news = tuple(int(self.state[key]) for key in ("owner", "commits", "heartbeat_ns"))
         if news != self._published:  # nothing else is read: the cycle is not bothered for less
             self._published = news

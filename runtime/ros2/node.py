@@ -10,10 +10,10 @@ from cyclonedds.core import DDSException
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
-from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from runtime.ros2.loopback import confine
+from runtime.ros2.reader import Reader
 from runtime.ros2.wire import message, qos, service_topics, topic_name
 from specs.ros2 import dds_type, type_hash
 
@@ -34,6 +34,7 @@ class Peer:
     topic: str = ""
     type: str = ""
     told: str = ""  # its type's hash, among others
+    apart: str = ""  # why DDS may bring nothing of it: what sets its quality of service apart
     gone: bool = False
 
     def wrong(self, kind: str) -> str:
@@ -55,7 +56,7 @@ class Node:
         self.participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
         confine()
         self._writers: dict[str, Any] = {}
-        self._readers: list[Any] = []
+        self.readers: list[Reader] = []
         self._peers = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
         self.unsent = 0
 
@@ -64,29 +65,26 @@ class Node:
         topic = Topic(self.participant, topic_name(name), message(kind))
         self._writers[name] = DataWriter(self.participant, topic, qos(kind, depth, latched))
 
-    def subscriber(self, name: str, kind: str, depth: int = DEPTH) -> Any:
+    def subscriber(self, name: str, kind: str, depth: int = DEPTH) -> Reader:
         """Subscribe to a topic: best effort, which takes what reliable publishers send, too."""
-        topic = Topic(self.participant, topic_name(name), message(kind))
-        self._readers.append(DataReader(self.participant, topic, qos(kind, depth, reliable=False)))
-        return self._readers[-1]
+        return self._reader(topic_name(name), kind, qos(kind, depth, reliable=False))
 
-    def service(self, name: str, kind: str) -> tuple[Any, Any]:
+    def _reader(self, topic: str, kind: str, quality: Qos) -> Reader:
+        self.readers.append(Reader(self.participant, topic, kind, quality))
+        return self.readers[-1]
+
+    def service(self, name: str, kind: str) -> tuple[Reader, Any]:
         """Serve `kind`, PACKAGE/srv/NAME, under a name: reader of requests and writer of replies.
 
         Clients of rmw_cyclonedds know by an id that both belong together.
         """
         asked, answered = service_topics(name)
         told = f"serviceid={'.'.join(f'{b:x}' for b in token_bytes(16))};"
-        types = f"{kind}_Request", f"{kind}_Response"
-        topics = [
-            Topic(self.participant, t, message(k)) for t, k in zip((asked, answered), types, strict=True)
-        ]
-        reader, writer = (
-            of(self.participant, topic, qos(k, SERVICE_DEPTH, hashed=False, told=told))
-            for of, topic, k in zip((DataReader, DataWriter), topics, types, strict=True)
-        )
-        self._readers.append(reader)
-        self._writers[answered] = writer
+        request, response = f"{kind}_Request", f"{kind}_Response"
+        quality = [qos(k, SERVICE_DEPTH, hashed=False, told=told) for k in (request, response)]
+        reader = self._reader(asked, request, quality[0])
+        topic = Topic(self.participant, answered, message(response))
+        self._writers[answered] = writer = DataWriter(self.participant, topic, quality[1])
         return reader, writer
 
     def publish(self, name: str, data: Any) -> None:
@@ -104,7 +102,7 @@ class Node:
         space, _, plain = self.name.rpartition("/")
         node = message("rmw_dds_common/msg/NodeEntitiesInfo")(
             node_namespace=space or "/", node_name=plain,
-            reader_gid_seq=[gid(_bytes(r)) for r in self._readers],
+            reader_gid_seq=[gid(_bytes(r.entity)) for r in self.readers],
             writer_gid_seq=[gid(_bytes(w)) for w in self._writers.values()],
         )  # fmt: skip
         told = message(GRAPH)(gid=gid(_bytes(self.participant)), node_entities_info_seq=[node])
@@ -120,8 +118,18 @@ class Node:
                 continue
             told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"")
             said = sample.topic_name, sample.type_name, told.decode("ascii", "replace")
-            found.append(Peer(info.instance_handle, sample.key, *said))
+            found.append(Peer(info.instance_handle, sample.key, *said, apart=_apart(sample.qos)))
         return found
+
+
+def _apart(quality: Qos) -> str:
+    """What keeps the messages of a publisher from ROS 2's subscribers, as far as it shows."""
+    for policy in quality:
+        if isinstance(policy, Policy.Partition) and any(policy.partitions):
+            return f"it is in DDS's partition {', '.join(policy.partitions)}"
+        if isinstance(policy, Policy.DataRepresentation) and not policy.use_cdrv0_representation:
+            return "it sends XCDR2 only, ROS 2 has XCDR1"
+    return ""
 
 
 def _bytes(entity: Any) -> list[int]:

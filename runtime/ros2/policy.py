@@ -124,10 +124,9 @@ class PolicyCommands:
     def _take_all(self, now: int) -> None:
         newest: dict[int, tuple[int, Any]] = {}
         for sample in self._reader.take(TAKEN):
-            info = sample.sample_info
-            if info.valid_data and info.publication_handle in self._publishers:
-                count = newest.get(info.publication_handle, (0, None))[0] + 1
-                newest[info.publication_handle] = count, sample
+            handle = sample.sample_info.publication_handle
+            if handle in self._publishers:
+                newest[handle] = newest.get(handle, (0, None))[0] + 1, sample
         for handle, (count, sample) in newest.items():
             publisher = self._publishers[handle]
             if publisher.node != self._role or publisher.wrong:
