@@ -10,7 +10,7 @@ from records.figures_file import check_suffix, write
 from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
-from slewright.sealed import purpose
+from slewright.sealed import chosen_set, purpose
 from slewright.tables import show
 from slewright.typed import command
 from specs.errors import InputError
@@ -81,8 +81,7 @@ def scenes(
         raise InputError(
             "name scenes (truck, tuning, gap:validation:0, a .toml file) or open the --sealed ones"
         )
-    if draw_set == draws.SEALED:
-        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    which = chosen_set(draw_set, sealed, machines)
     study.check_controllers(controllers)
     mark = ("guarded " if guard else "") + ("sealed" if sealed else (scene or [""])[0].split(":")[0])
     if page is not None and page.suffix == ".md":
@@ -93,7 +92,6 @@ def scenes(
     study.check_scenes(chosen, guarding)
     drawn: dict[str, Any] = {draws.NOMINAL: {}}
     if machines:
-        which = draws.SEALED if opened else draw_set
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
         found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding)
