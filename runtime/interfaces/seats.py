@@ -6,7 +6,6 @@ port.py) and says in `seats.cell` which seat, and which of its claims, has the r
 """
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 from pathlib import Path
 from secrets import randbits
 
@@ -152,10 +151,8 @@ def invalid(values: Mapping[str, float]) -> str:
     for name, value in values.items():
         if name not in PLACES or name in ("planner_heartbeat", "target_number"):
             return f"unknown target '{name}'; {nearest(name, PLACES)}"
-        s = HOLDING[PLACES[name]]
-        low, high = s.min if s.min is not None else -np.inf, s.max if s.max is not None else np.inf
-        if not isfinite(value) or not low <= value <= high:
-            return f"{name} = {value:g} {s.unit}: outside {low:g} … {high:g}"
+        if reason := HOLDING[PLACES[name]].wrong(value):
+            return reason
     return ""
 
 

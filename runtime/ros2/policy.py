@@ -8,7 +8,6 @@ process, and the core's gate comes after that as after every controller.
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from math import isfinite
 from secrets import randbits
 from typing import Any
 
@@ -162,8 +161,4 @@ class PolicyCommands:
 
 def invalid(values: dict[str, float]) -> str:
     """Why commands are refused: no number, or outside its range; "" if they are right."""
-    for s in COMMANDS:
-        value, low, high = values[s.name], s.min or 0.0, s.max or 0.0
-        if not isfinite(value) or not low <= value <= high:
-            return f"{s.name} = {value:g} {s.unit}: outside {low:g} … {high:g}"
-    return ""
+    return next((reason for s in COMMANDS if (reason := s.wrong(values[s.name]))), "")

@@ -107,7 +107,7 @@ def test_the_node_with_the_role_commands_until_its_commands_are_stale(run: tuple
     ("wrong", "said"),
     [
         (lambda p: p.send(float("nan")), "outside -1 … 1"),
-        (lambda p: p.send(1.25), "policy_u_slew = 1.25 1: outside -1 … 1"),
+        (lambda p: p.send(1.25), "policy_u_slew = 1.25: outside -1 … 1"),
         (lambda p: p.send(age_s=0.5), "s old"),
         (lambda p: p.send(age_s=-1.0), "in the future"),
         (lambda p: p.node.publish(TOPIC, command(0.5, 0, 7)), "says no time"),
