@@ -1,5 +1,6 @@
 """The DDS side: a participant that looks like a ROS 2 node, its publishers and subscriber."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from secrets import token_bytes
 from typing import Any
@@ -22,6 +23,7 @@ GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 TYPE_HASH = "typehash="
 DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
 SERVICE_DEPTH = 10  # as of ROS 2's services
+PEERS = 64  # that came or went, in one look
 ALIVE = 16  # of an instance: its writer is there
 
 
@@ -58,7 +60,7 @@ class Node:
         self._writers: dict[str, Any] = {}
         self.readers: list[Reader] = []
         self._peers = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
-        self.unsent = 0
+        self.unsent = self.garbled = 0  # messages; announcements that could not be read
 
     def publisher(self, name: str, kind: str, latched: bool = False, depth: int = 1) -> None:
         """Publish on a topic from now on; `depth`: messages that wait for readers that are slow."""
@@ -111,7 +113,7 @@ class Node:
     def peers(self) -> list[Peer]:
         """Publishers that came or went since the last call."""
         found = []
-        for sample in self._peers.take(64):
+        for sample in self._announced():
             info = sample.sample_info
             if info.instance_state != ALIVE or not info.valid_data:
                 found.append(Peer(info.instance_handle, gone=True))
@@ -120,6 +122,20 @@ class Node:
             said = sample.topic_name, sample.type_name, told.decode("ascii", "replace")
             found.append(Peer(info.instance_handle, sample.key, *said, apart=_apart(sample.qos)))
         return found
+
+    def _announced(self) -> Iterator[Any]:
+        """What DDS says of publishers: each by itself, as one that cannot be read takes others with it."""
+        for _ in range(PEERS):
+            try:
+                taken = self._peers.take(1)
+            except DDSException:
+                raise
+            except Exception:  # noqa: BLE001 - text that is no UTF-8: the library raises just this
+                self.garbled += 1
+                continue
+            if not taken:
+                return
+            yield taken[0]
 
 
 def _apart(quality: Qos) -> str:

@@ -17,6 +17,7 @@ class Unheard:
         self._node, self._complaints = node, Complaints(tell)
         self._new: dict[int, tuple[Peer, int]] = {}  # publishers, and since when they are known
         self._names: dict[int, str] = {}
+        self._garbled = 0
 
     def work(self, peers: Iterable[Peer], now: int) -> None:
         """Say of whom nothing comes, or nothing that can be read; `peers`: who came or went."""
@@ -35,6 +36,10 @@ class Unheard:
             for handle, why in reader.unreadable().items():
                 name = self._names.get(handle, "a publisher that is gone")
                 self._complaints.say(name, f"its message on {reader.topic} cannot be read: {why}", now)
+
+        if more := self._node.garbled - self._garbled:
+            self._garbled += more
+            self._complaints.say("a publisher", "its announcement cannot be read: text that is no UTF-8", now)
 
     def _judge(self, peer: Peer, reader: Reader, now: int) -> None:
         if not (peer.wrong(reader.kind) or reader.hears(peer.handle)):

@@ -30,6 +30,11 @@ class Said:
         self._log = peer.subscribe("/rosout", "rcl_interfaces/msg/Log", latched=True)
         self.lines: list[str] = []
 
+    def any(self, what: str) -> bool:
+        """Whether something was said."""
+        self.lines += [m.msg for m in self._log.take(50)]
+        return any(what in line for line in self.lines)
+
     def of(self, writer: Any, what: str) -> bool:
         """Whether something was said of a publisher."""
         self.lines += [m.msg for m in self._log.take(50)]
@@ -85,6 +90,27 @@ def test_a_message_that_cannot_be_read_is_refused_and_everybody_else_is_heard(ru
     command(well, served, 10)
     assert x(served)[0] == 8.0
     assert served.process.poll() is None
+
+
+class Latin(str):
+    """A text that goes out in Latin-1."""
+
+    def encode(self, *_: Any, **__: Any) -> bytes:
+        return super().encode("latin-1")
+
+
+def test_a_publisher_whose_announcement_cannot_be_read_ends_nothing(run: tuple[Beside, Peer]):
+    from cyclonedds.qos import Policy
+
+    served, peer = run
+    said = Said(peer)
+    odd = apart(Policy.Partition([Latin("S\u00fcd")]))
+    ill = Peer(peer.domain).publisher(COMMAND, ros2.TARGET, chosen=odd)
+    until(lambda: said.any("its announcement cannot be read"), served.publish)
+    well = Peer(peer.domain).publisher(COMMAND, ros2.TARGET)
+    until(lambda: x(served)[0] == 8.0, lambda: command(well, served, 1))
+    assert served.process.poll() is None
+    assert ill
 
 
 def unreadable() -> Any:
