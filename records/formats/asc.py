@@ -13,14 +13,9 @@ from can import Message
 
 from records.formats.can_frames import FrameLog
 from records.formats.log_lines import LeftOut, LogLines
+from records.formats.text.words import MONTHS
 from specs.errors import InputError
 
-MONTHS = {
-    "jan": 1, "feb": 2, "mar": 3, "mär": 3, "maer": 3, "mrz": 3, "mars": 3, "apr": 4, "avr": 4,
-    "may": 5, "mai": 5,
-    "jun": 6, "juin": 6, "jul": 7, "juil": 7, "aug": 8, "août": 8, "sep": 9, "sept": 9, "oct": 10, "okt": 10,
-    "nov": 11, "dec": 12, "dez": 12, "déc": 12, "févr": 2, "janv": 1,
-}  # fmt: skip
 NEAR = 60.0  # s between a log's start and its first frame
 DATE = re.compile(
     r"^(?:date|begin\s+triggerblock)\s+\S+\s+(?P<month>[^\W\d]+)\.?\s+(?P<day>\d+)\s+(?P<h>\d+):(?P<m>\d+):(?P<s>\d+)"

@@ -94,6 +94,9 @@ def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     if not (group.time[1:] < group.time[:-1]).any():
         return group, []
     steps = np.diff(group.time)
+    if len(steps) > 1 and (steps < 0).all():
+        note = f"the {rows(group, 2, False)} stand newest first: put in order"
+        return rows_at(group, np.arange(len(group.time))[::-1]), [note]
     order = np.argsort(group.time, kind="stable")
     moved = order - np.arange(len(order))
     back = int(np.flatnonzero(steps < 0)[0]) + 1
