@@ -47,20 +47,28 @@ class Layout:
     remark: str = ""  # name of a last cell that only some rows have, where there may be one
 
 
+def is_comment(text: str) -> bool:
+    """Whether a line is a comment: not one whose first cell is a spreadsheet's error, such as #N/A."""
+    bare = text.lstrip()
+    return (
+        bare.startswith(COMMENTS) and re.split(r"[;\t|,]", bare, maxsplit=1)[0].strip().lower() not in MISSING
+    )
+
+
 def cells_of(text: str, delimiter: str) -> list[str]:
     """The cells of a line."""
     if delimiter == BLANKS:
         return text.split()
     if '"' not in text:
         return [cell.strip() for cell in text.split(delimiter)]
-    return [cell.strip() for cell in next(reader([text], delimiter=delimiter))]
+    return [cell.strip() for cell in next(reader([text], delimiter=delimiter, skipinitialspace=True))]
 
 
 def layout_of(lines: Sequence[Line], clocks: Sequence[str], source: str) -> Layout:
     """Find the table in the first lines of a file; `clocks` are the headings that are stated to
     be the clock.
     """
-    comments = [line for line in lines if line.text.lstrip().startswith(COMMENTS)]
+    comments = [line for line in lines if is_comment(line.text)]
     body = [line for line in lines if line.text.strip() and line not in comments]
     if not body:
         raise InputError(f"{source}: no header")

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from records.formats.text.layout import BLANKS, COMMENTS, Layout
+from records.formats.text.layout import BLANKS, COMMENTS, Layout, is_comment
 from records.formats.text.source import Source
 from specs.errors import InputError
 
@@ -96,7 +96,7 @@ class Rows:
             if not line.strip():
                 self.left.blank += 1
                 continue
-            if line.lstrip().startswith(COMMENTS):
+            if is_comment(line):
                 self.left.comments += 1
                 self.left.first_comment = self.left.first_comment or number
                 continue
@@ -110,6 +110,7 @@ class Rows:
                 line += " " + lines[k]
                 self.left.continued += 1
                 k += 1
+            line = self._without_blanks(line)
             width = self.width(line)
             if self.layout.remark and width != self.layout.width:
                 line = self._without_remark(line, width)
@@ -123,6 +124,13 @@ class Rows:
                     + self._hint(width)
                 )
             yield number, line
+
+    def _without_blanks(self, line: str) -> str:
+        """A row with no blanks before cells in quotes, which would be part of them."""
+        cells = self._split(line) if ' "' in line else []
+        if not any(c[:1] == " " and c.lstrip(" ").startswith('"') for c in cells):
+            return line
+        return self.delimiter.join(c.strip(" ") for c in cells)
 
     def _without_remark(self, line: str, width: int) -> str:
         """A row with one cell too many without it, one too few with an empty one, where that is a remark."""

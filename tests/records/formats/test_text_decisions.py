@@ -149,3 +149,28 @@ def test_no_time_of_twelve_hours(read, second, says):
 def test_am_or_pm_in_a_later_line_only(read):
     with pytest.raises(InputError, match="line 3: '1:00:00 PM' states AM or PM, lines before do not"):
         read(table("time,v", ["11:00:00,1", "1:00:00 PM,2"]))
+
+
+@pytest.mark.parametrize("word", ["#N/A", "#DIV/0!", "#NAME?", "#WERT!", "#nv"])
+def test_an_error_of_a_spreadsheet_in_the_first_cell_is_no_comment(read, word):
+    found = read(table("p;time [s];q", ["1;0;1", f"{word};1;2", "# a comment; of; its own", "3;2;3"]))
+    assert found["q"].values.tolist() == [1, 2, 3]
+    assert found["p"].time.tolist() == [0, 2]
+
+
+def test_cells_in_quotes_behind_blanks(read):
+    found = read(table('time, "a", b', ['0.5, "1", 2', '1.0, "3", 4', '1.5,"5 ",  "6"']))
+    assert found["a"].values.tolist() == [1, 3, 5]
+    assert found["b"].values.tolist() == [2, 4, 6]
+
+
+def test_remarks_of_two_lines_in_all_rows(read):
+    found = read(table("time,p,note", [f'{0.5 * k},{k},"two\nlines"' for k in range(40)]))
+    assert found["p"].values.tolist() == list(range(40))
+
+
+def test_numbers_in_brackets_are_indices_where_there_are_several(read):
+    found = read(table("time;v [1];v [2];n [1];u (%);q (°);r(2)", ["0;1;2;3;4;5;6", "1;1;2;3;4;5;6"]))
+    assert [(c.name, c.unit) for c in found.channels.values()] == [
+        ("v [1]", ""), ("v [2]", ""), ("n", "1"), ("u", "%"), ("q", "deg"), ("r(2)", ""),
+    ]  # fmt: skip
