@@ -30,7 +30,7 @@ REMOTE = re.compile(r"^\d+\s+\S+\s+(Rx|Tx|TxRq)\s+r\b")
 ERROR = re.compile(r"^(CANFD\s+)?\d+\s+(Rx\s+|Tx\s+)?ErrorFrame", re.IGNORECASE)
 FD = re.compile(
     r"^CANFD\s+(?P<bus>\d+)\s+(?P<dir>Rx|Tx|TxRq)\s+(?P<id>[0-9a-fA-F]+x?)\s+(?:(?P<name>[A-Za-z_]\S*)\s+)?(?P<brs>[01])\s+(?P<esi>[01])\s+"
-    r"(?P<dlc>[0-9a-fA-F])\s+(?P<length>\d+)(?P<data>(?:\s+[0-9a-fA-F]{1,2})*)"
+    r"(?P<dlc>[0-9a-fA-F])\s+(?P<length>\d+)(?P<data>(?:\s+[0-9a-fA-F]{1,3}(?!\S))*)"
 )
 EVENT = re.compile(
     r"^(Start of measurement|\d+\s+Statistic:|CAN\s+\d+\s+Status:|log trigger|SV:|J1939TP"
@@ -150,12 +150,12 @@ def _message(
 ) -> Message | None:
     fd = frame.re is FD
     try:
-        length = int(frame["length"], 10 if fd else 16)
-        data = bytes(int(b, 16 if fd else base) for b in frame["data"].split()[:length])
+        length = int(frame["length"]) if fd else min(int(frame["length"], 16), 8)  # 9 to 15 are 8 bytes, too
+        data = bytes(int(b, base) for b in frame["data"].split()[:length])
         identifier, extended = named[frame["id"]] if frame["id"] in named else _identifier(frame["id"], base)
     except ValueError:
         return None
-    if len(data) != length or length > (64 if fd else 8):
+    if len(data) != length or length > 64:
         return None
     return Message(
         timestamp=float(line["time"].replace(",", ".")), arbitration_id=identifier, is_extended_id=extended,

@@ -1,7 +1,7 @@
 """Names and units in the heading of a column, and which columns may be the clock.
 
-A unit stands in square brackets behind the name, in round ones if it is no single letter or digit, or behind a
-slash or "in" where the clock's heading is written so.  It is one only where it is a unit that is known;
+A unit stands in square brackets behind the name, in round ones if it is no single letter or digit, or behind
+a slash or "in" where the clock's heading is written so.  It is one only where it is a unit that is known;
 else, where two columns would get one name, and for numbers in brackets of several columns, what stands there
 is part of the name.
 """

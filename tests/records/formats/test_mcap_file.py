@@ -207,3 +207,12 @@ def test_messages_of_a_topic_that_only_a_damaged_chunk_declares(tmp_path):
     (tmp_path / "t.mcap").write_bytes(data)
     with pytest.raises(InputError, match=r"no messages.*damaged chunk"):
         read_measurement(tmp_path / "t.mcap")
+
+
+@pytest.mark.parametrize(
+    "message", [b'{"x": 1, "x": 2}', b'{"b.c": 1, "b": {"c": 2}}', b'{"a": {"x": 1, "x": 1}}']
+)
+def test_json_with_a_name_that_stands_twice_is_refused(tmp_path, message):
+    save(tmp_path / "t.mcap", {"/a": ("json", None, {}, [(0, message)])})
+    with pytest.raises(InputError, match=r"message 1 of /a has '(x|b\.c)' twice"):
+        read_measurement(tmp_path / "t.mcap")
