@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from records.formats.dbc import Dbc, all_columns, checksums, data_id, fields, unstated
+from records.formats.exact import EXACT, ROUNDED
 from records.formats.raw import Group, Raw, RawColumn
 from specs.errors import InputError
 
@@ -116,9 +117,9 @@ def _group(message: Any, bus: Any, frames: Frames, notes: list[str], path: Path)
 
 def _rounded(message: Any, columns: Sequence[RawColumn]) -> list[str]:
     """What to say of whole numbers that became floats and are not exact any more."""
-    least = {f.signal.name: 2.0**53 * abs(f.place.scale) for f in fields(message) if f.is_wide}
+    least = {f.signal.name: EXACT * abs(f.place.scale) for f in fields(message) if f.is_wide}
     return [
-        f"{c.name}: numbers beyond 2^53 are rounded to floats"
+        f"{c.name}: {ROUNDED}"
         for c in columns
         if c.name in least and c.values.dtype.kind == "f" and np.abs(c.values).max() >= least[c.name]
     ]

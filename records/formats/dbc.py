@@ -15,6 +15,7 @@ from cantools.database.errors import Error
 
 from records.formats.codes import means_no_value, of_states
 from records.formats.encoding import Damaged, decoded
+from records.formats.exact import scaled
 from records.formats.raw import RawColumn
 from records.recording import first_line
 from specs import e2e
@@ -131,7 +132,7 @@ class Field:
             number = raw if s.length > 63 else raw.astype(np.int64)
         if self.place.scale == 1 and self.place.offset == 0 and not s.is_float:
             return number
-        if self.is_wide and (exact := self._whole(number)) is not None:
+        if self.is_wide and (exact := scaled(number, self.place.scale, self.place.offset)) is not None:
             return exact
         return number.astype(np.float64) * self.place.scale + self.place.offset
 
@@ -139,18 +140,6 @@ class Field:
     def is_wide(self) -> bool:
         """Whether it has numbers that floats round."""
         return self.signal.length > 53 and not self.signal.is_float
-
-    def _whole(self, number: np.ndarray) -> np.ndarray | None:
-        """Values of numbers [n] as exact whole numbers; None where some are not whole or too large."""
-        scale, offset = self.place.scale, self.place.offset
-        if scale % 1 or offset % 1 or not len(number):
-            return None
-        scale, offset = int(scale), int(offset)
-        ends = [int(n) * scale + offset for n in (number.min(), number.max())]
-        kinds = (np.iinfo(np.int64), np.iinfo(np.uint64))
-        kind = next((k.dtype for k in kinds if k.min <= min(ends) and max(ends) <= k.max), None)
-        exact = number.astype(np.uint64) * np.uint64(scale % 2**64) + np.uint64(offset % 2**64)
-        return None if kind is None else exact.view(kind)
 
     def encoded(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Raw numbers [n, uint64] of values in the DBC's unit, and which of them the field cannot hold."""

@@ -13,6 +13,7 @@ import numpy as np
 from mcap.records import Channel as Topic, Message, Schema
 
 from records.formats import mcap_protobuf, mcap_ros2
+from records.formats.exact import EXACT
 from records.formats.raw import Group, RawColumn
 from records.recording import first_line
 from specs.errors import InputError
@@ -21,7 +22,6 @@ OURS = "slewright"  # name of our metadata, key of our topics' metadata
 JSON = "json"
 STATE = "state"  # under OURS in a topic's metadata: what a program goes on from, no channels
 YEAR_NS = 365 * 86_400 * 10**9  # stamps below it count from no date
-EXACT = 2**53  # from here on a float skips whole numbers
 BLOCK = 1 << 14  # messages that are held as such
 BLOCK_BYTES = 16 << 20
 

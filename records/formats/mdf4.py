@@ -19,7 +19,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 from asammdf import MDF, Signal
 
-from records.formats.mdf4_codes import applied, has_texts
+from records.formats.exact import EXACT, ROUNDED
+from records.formats.mdf4_codes import applied, exactly, has_texts
 from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import clocks
@@ -34,6 +35,7 @@ VERSION = "4.11"
 META = "slewright"  # property of the header's comment that holds our metadata
 TIME = 1  # MDF4's synchronisation type; MDF3 knows no other
 DEFLATED = 2  # transposed, which suits floats
+INTEGERS, FLOAT_BITS = (0, 1, 2, 3), 53  # types of whole numbers; a float holds those of so many bits
 UNFINISHED = b"UnFinMF "
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it finds is said here
 
@@ -113,11 +115,26 @@ def _group(file: Any, number: int, master: int, label: str, notes: list[str]) ->
             plain = file.select([(None, number, index)], raw=True, copy_master=False, validate=False)[0]
             columns += _with_codes(plain, rule, signal, notes)
         else:
-            columns += _columns(signal, notes)
+            columns += _columns(_exact(file, number, index, signal, notes), notes)
     short = [c.name for c in columns if len(c.values) != len(time)]
     if short:
         raise ValueError(f"{short[0]} of {label} has not as many samples as times")
     return Group(label, time, columns, "sample")
+
+
+def _exact(file: Any, number: int, index: int, signal: Any, notes: list[str]) -> Any:
+    """A signal whose raw whole numbers a rule made floats, exactly where it can be; else it is said."""
+    channel = file.groups[number].channels[index]
+    wide = channel.bit_count > FLOAT_BITS and channel.data_type in INTEGERS
+    if not wide or np.asarray(signal.samples).dtype.kind != "f":
+        return signal
+    raw = file.select([(None, number, index)], raw=True, copy_master=False, validate=False)[0].samples
+    exact = exactly(channel.conversion, raw)
+    if exact is not None:
+        signal.samples = exact
+    elif len(raw) and max(abs(int(raw.min())), abs(int(raw.max()))) > EXACT:
+        notes.append(f"{signal.name}: {ROUNDED}")
+    return signal
 
 
 def _times(file: Any, number: int, master: int, label: str) -> np.ndarray:

@@ -8,9 +8,18 @@ from typing import Any
 import numpy as np
 
 from records.formats.codes import means_no_value, of_states
+from records.formats.exact import scaled
 
+LINEAR, V3_LINEAR = 1, 0
 VALUE_TO_TEXT, RANGE_TO_TEXT = 7, 8  # MDF4
 V3_VALUE_TO_TEXT, V3_RANGE_TO_TEXT = 11, 12
+
+
+def exactly(rule: Any, raw: np.ndarray) -> np.ndarray | None:
+    """Values of raw whole numbers that a linear rule keeps whole, exactly; None for others."""
+    if rule is None or rule.conversion_type not in (LINEAR, V3_LINEAR) or not hasattr(rule, "b"):
+        return None
+    return scaled(raw, rule.a, rule.b)
 
 
 def has_texts(rule: Any) -> bool:
@@ -32,7 +41,8 @@ def applied(rule: Any, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     entries = list(_entries(rule, raw))
     numeric = any(not _is_text(to) for _, to in entries)
     states = set() if numeric else of_states(_as_text(to) for _, to in entries)
-    values = raw.astype(np.float64 if numeric or raw.dtype.kind == "f" else np.int64)
+    plain = np.float64 if raw.dtype.kind == "f" else np.uint64 if raw.dtype == np.uint64 else np.int64
+    values = raw.astype(np.float64 if numeric else plain)
     coded = np.zeros(len(raw), dtype=bool)
     for mask, to in entries:
         if _is_text(to):

@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from records import record
+from records.formats.exact import EXACT
 from records.formats.metadata import from_ns, meta_of, start_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import (
@@ -38,7 +39,6 @@ TIME_COLUMN = True  # its time is a column like others
 BLOCK_ROWS = 32_000  # written at once
 ABSENT = "absent"  # in the metadata: "NaN" where that stands for no sample
 INDEX = "__index_level_0__"  # what pandas calls an index without a name
-EXACT = 2**53  # from here on a float skips whole numbers
 PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
 
 

@@ -138,3 +138,26 @@ def test_a_file_that_cannot_be_recovered_is_refused_in_one_line(tmp_path, capfd)
         read_measurement(path)
     assert len(str(caught.value).splitlines()) == 1
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("rule", "expected"),
+    [
+        ({"a": 10.0, "b": 3.0}, [10 * (2**60 + 1) + 3, 73]),
+        ({"val_0": 7, "text_0": "seven", "default_addr": b""}, [2**60 + 1, 7]),
+        (None, [2**60 + 1, 7]),
+    ],
+)
+def test_whole_numbers_of_64_bits_stay_exact(tmp_path, rule, expected):
+    with MDF(version="4.10") as file:
+        file.append([Signal(np.array([2**60 + 1, 7], np.uint64), np.arange(2.0), name="n", conversion=rule)])
+        file.save(tmp_path / "r.mf4")
+    assert [int(v) for v in read_measurement(tmp_path / "r.mf4")["n"].values] == expected
+
+
+def test_whole_numbers_that_a_rule_rounds_are_said(tmp_path):
+    with MDF(version="4.10") as file:
+        raw = np.array([2**60 + 1, 7], np.uint64)
+        file.append([Signal(raw, np.arange(2.0), name="n", conversion={"a": 0.5, "b": 0.0})])
+        file.save(tmp_path / "r.mf4")
+    assert "n: numbers beyond 2^53 are rounded to floats" in read_measurement(tmp_path / "r.mf4").repairs
