@@ -161,3 +161,17 @@ def test_whole_numbers_that_a_rule_rounds_are_said(tmp_path):
         file.append([Signal(raw, np.arange(2.0), name="n", conversion={"a": 0.5, "b": 0.0})])
         file.save(tmp_path / "r.mf4")
     assert "n: numbers beyond 2^53 are rounded to floats" in read_measurement(tmp_path / "r.mf4").repairs
+
+
+def test_a_recording_is_the_same_in_however_many_parts_it_is_written(tmp_path, monkeypatch):
+    sent = recording()
+    write_measurement(sent, tmp_path / "whole.mf4")
+    monkeypatch.setattr("records.formats.mdf4.PART", 7)
+    write_measurement(sent, tmp_path / "parts.mf4")
+    whole, parts = read_measurement(tmp_path / "whole.mf4"), read_measurement(tmp_path / "parts.mf4")
+    assert list(whole.channels) == list(parts.channels) == list(sent.channels)
+    assert len(whole["q_slew"].time) > 2 * 7
+    for name, channel in whole.channels.items():
+        assert channel.values.dtype == parts[name].values.dtype
+        np.testing.assert_array_equal(channel.time, parts[name].time)
+        np.testing.assert_array_equal(channel.values, parts[name].values)
