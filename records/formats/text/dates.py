@@ -185,6 +185,7 @@ def written_as_date(values: np.ndarray, first: float = 0.0) -> str:
 
 def _form_of(values: np.ndarray) -> str | None:
     """What numbers may be; "" where minutes of one hour leave that open, None where they are numbers."""
+    values = np.sort(values)  # rows may come late, or newest first
     whole = np.floor(values + 1e-6).astype(np.int64)
     if not len(values) or whole.min() < 0 or whole.max() >= 21_000_000:
         return None if len(values) else ""

@@ -47,10 +47,7 @@ class Rows:
         d = layout.delimiter
         self.delimiter = "\t" if d == BLANKS else d
         e = re.escape(self.delimiter)
-        self._cell = rf'(?:\s*"(?:[^"]|"")*"[^{e}"]*|[^{e}]*)'
-        self._row = re.compile(rf"{self._cell}(?:{e}{self._cell})*")
-        self._begin = re.compile(rf'(?:^|{e})\s*"(?:[^"]|"")*$')
-        self._one = re.compile(rf'\s*"(?:[^"]|"")*"[^{e}]*|[^{e}]*')
+        self._one = re.compile(rf' *"(?:[^"]|"")*"[^{e}]*|[^{e}]*')
 
     def blocks(self) -> Iterator[Block]:
         """All rows, once; `left` counts what is left out."""

@@ -174,3 +174,9 @@ def test_numbers_in_brackets_are_indices_where_there_are_several(read):
     assert [(c.name, c.unit) for c in found.channels.values()] == [
         ("v [1]", ""), ("v [2]", ""), ("n", "1"), ("u", "%"), ("q", "deg"), ("r(2)", ""),
     ]  # fmt: skip
+
+
+def test_an_empty_cell_before_one_in_quotes(read):
+    found = read(table("time [s]\tp\tnote\tq", ['0.5\t\t"a\tb"\t1', "1.0\t2\t\t3", '1.5\t\t"c"\t4']))
+    assert found["q"].values.tolist() == [1, 3, 4]
+    assert found["p"].values.tolist() == [2]
