@@ -29,6 +29,7 @@ DAYS = {  # what counts days: its number of 1970, and what it is called
     "matlab": (719_529.0, "days as MATLAB counts them"),
     "julian": (2_440_587.5, "Julian days"),
 }
+MOST_DAYS = 700_000  # from 1970 to the ends of a calendar
 CENTURY = 10_958, 47_482  # days since 1970 in which recordings begin: 2000 to 2100
 EIGHT = r"(19|20)\d\d[01]\d[0-3]\d"  # a day as one number
 SLOWEST = 3600.0  # s between rows: more is no recording with times since 1970
@@ -165,7 +166,10 @@ class Clock:
         steps = np.diff(found[:10_000][np.isfinite(found[:10_000])])
         step = float(np.median(np.abs(steps))) if len(steps) else 0.0
         if self.unit in DAYS:
-            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - DAYS[self.unit][0])
+            zero, called = DAYS[self.unit]
+            if not abs(first - zero) < MOST_DAYS:
+                raise InputError(f"{self.where}: {self.first} is no number of {called}")
+            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - zero)
             notes.append("the times state no time zone: taken as UTC")
             return found * 86_400.0, start, 0.0
         if self.unit in FORMS:

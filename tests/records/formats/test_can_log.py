@@ -372,3 +372,11 @@ def test_remote_frames_of_a_trace_are_said(tmp_path):
         tmp_path, "r.trc", f";$FILEVERSION=2.1\n;$STARTTIME=46110.5\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n{rows}"
     )
     assert any("1 remote frames" in note for note in found.repairs)
+
+
+def test_a_blf_whose_head_says_that_it_is_short(tmp_path, other):
+    data = blf(tmp_path / "a.blf", 3)
+    data[4:8] = (9).to_bytes(4, "little")
+    (tmp_path / "a.blf").write_bytes(data)
+    with pytest.raises(InputError, match="is damaged or"):
+        read_measurement(tmp_path / "a.blf", dbc=other)

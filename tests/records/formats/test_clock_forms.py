@@ -114,3 +114,8 @@ def test_a_day_and_a_time_of_day_in_two_columns(read, day, time):
     found = read([f"{day};{time.format(k)}" for k in range(5)], clock, "Date;Time")
     np.testing.assert_allclose(found["p"].time, np.arange(5), atol=1e-9)
     assert found.start == datetime(2026, 3, 29, 10, 59, 50, tzinfo=UTC)
+
+
+def test_times_beyond_any_calendar(read):
+    with pytest.raises(InputError, match="is no number of days as spreadsheets count them"):
+        read(["1e12", "2e12"], "time [excel]")
