@@ -22,7 +22,7 @@ DATE = re.compile(
     r"(?:[.,](?P<f>\d+))?\s*(?P<half>[ap]m)?\s+(?P<year>\d{4})\s*$",
     re.IGNORECASE,
 )
-TIMED = re.compile(r"^\s*(?P<time>\d+[.,]\d+)\s+(?P<rest>\S.*?)\s*$")
+TIMED = re.compile(r"^\s*(?P<time>\d+[.,]\d+)\s+(?P<rest>\S.*)$")
 CLASSIC = re.compile(
     r"^(?P<bus>\d+)\s+(?P<id>\S+)\s+(?P<dir>Rx|Tx|TxRq)\s+d\s+(?P<length>[0-9a-fA-F]+)(?P<data>(?:\s+[0-9a-fA-F]{1,3})*)(?P<more>\s+.*)?$"
 )
@@ -54,7 +54,7 @@ def read_asc(path: Path, named: dict[str, tuple[int, bool]], log: AscLog) -> Ite
     """The data frames; `named` gives identifiers of messages by name, for logs with names for numbers."""
     lines, first = LogLines(path), None
     for number, line in enumerate(lines, 1):
-        match = TIMED.match(line)
+        match = TIMED.match(line.rstrip())
         if match is None:
             _head_line(path, number, line.strip(), log, first is not None)
             continue

@@ -14,6 +14,7 @@ from records.formats.tables import Heading, clock_name
 from records.formats.units import is_unit, of_time
 from specs.signals import signals
 
+LONGEST = 1000  # characters of a heading in which a unit is looked for
 SQUARE = re.compile(r"^(?P<name>.*?\S)(?P<blank>\s*)\[(?P<unit>[^\[\]]*)\]$")
 ROUND = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^()]*)\)$")
 SLASH = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>.+)$")
@@ -26,18 +27,21 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
         return [_square(cell, True) or Heading(cell) for cell in cells]
     style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
     found = [_heading(cell, style) for cell in cells]
-    indexed = Counter(m["name"] for cell in cells if (m := SQUARE.match(cell)) and m["unit"].isdigit())
+    short = [cell for cell in cells if len(cell) <= LONGEST]
+    indexed = Counter(m["name"] for cell in short if (m := SQUARE.match(cell)) and m["unit"].isdigit())
     found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
     return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
 
 
 def _clock_in(cell: str, style: re.Pattern[str]) -> bool:
-    match = style.match(cell)
+    match = style.match(cell) if len(cell) <= LONGEST else None
     return bool(match and clock_name(match["name"]) and of_time(match["unit"]))
 
 
 def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
+    if len(cell) > LONGEST:
+        return Heading(cell)
     if found := _square(cell, False):
         return found
     if match := ROUND.match(cell):
@@ -51,7 +55,7 @@ def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
 
 
 def _square(cell: str, ours: bool) -> Heading | None:
-    match = SQUARE.match(cell)
+    match = SQUARE.match(cell) if len(cell) <= LONGEST else None
     if not match:
         return None
     name, unit = match["name"], match["unit"].strip()

@@ -7,7 +7,7 @@ a date in the clock's column) are the units where they name the clock's unit, or
 
 import re
 from collections.abc import Sequence
-from csv import reader
+from csv import Error, reader
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,7 +61,10 @@ def cells_of(text: str, delimiter: str) -> list[str]:
         return text.split()
     if '"' not in text:
         return [cell.strip() for cell in text.split(delimiter)]
-    return [cell.strip() for cell in next(reader([text], delimiter=delimiter, skipinitialspace=True))]
+    try:
+        return [cell.strip() for cell in next(reader([text], delimiter=delimiter, skipinitialspace=True))]
+    except Error:  # a cell that is longer than this reader takes
+        return [cell.strip() for cell in text.split(delimiter)]
 
 
 def layout_of(lines: Sequence[Line], clocks: Sequence[str], source: str) -> Layout:
@@ -136,13 +139,27 @@ def _header(rows: Sequence[tuple[int, list[str]]], clocks: Sequence[str]) -> int
     """Index of the header among the rows; None where the file begins with data."""
     for at, (_, cells) in enumerate(rows):
         if len([c for c in cells if c]) > 1 and _names(cells[1:]) and _has_clock(cells, clocks):
-            return _names_above(rows, at)
+            return _names_above(rows, _last_header(rows, at, clocks))
     first = next((i for i, (_, cells) in enumerate(rows) if len(cells) > 1 and _is_data(cells)), None)
     if first is None:
         return next((i for i, (_, cells) in enumerate(rows) if len(cells) > 1), 0)
     if first == 0:
         return None
     return _names_above(rows, first - 1)
+
+
+def _last_header(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequence[str]) -> int:
+    """The header from `at` on: a later line of names that has the clock in another column makes this
+    one a preamble.
+    """
+    place = _clock_at(rows[at][1], clocks)
+    for k in range(at + 1, len(rows)):
+        cells = rows[k][1]
+        if _is_data(cells) or not _names(cells):
+            break
+        if (later := _clock_at(cells, clocks)) and not set(later) & set(place):
+            at, place = k, later
+    return at
 
 
 def _names_above(rows: Sequence[tuple[int, list[str]]], at: int) -> int:
@@ -175,8 +192,13 @@ def _names(cells: Sequence[str]) -> bool:
 
 
 def _has_clock(cells: Sequence[str], clocks: Sequence[str]) -> bool:
-    heads = zip(headings_of(cells), cells, strict=True)
-    return any(clock_name(h.name) or h.name in clocks or c in clocks for h, c in heads)
+    return bool(_clock_at(cells, clocks))
+
+
+def _clock_at(cells: Sequence[str], clocks: Sequence[str]) -> list[int]:
+    """Which cells may name the clock."""
+    heads = enumerate(zip(headings_of(cells), cells, strict=True))
+    return [i for i, (h, c) in heads if clock_name(h.name) or h.name in clocks or c in clocks]
 
 
 def _is_data(cells: Sequence[str]) -> bool:

@@ -180,3 +180,17 @@ def test_an_empty_cell_before_one_in_quotes(read):
     found = read(table("time [s]\tp\tnote\tq", ['0.5\t\t"a\tb"\t1', "1.0\t2\t\t3", '1.5\t\t"c"\t4']))
     assert found["q"].values.tolist() == [1, 3, 4]
     assert found["p"].values.tolist() == [2]
+
+
+def test_a_preamble_that_names_a_time_in_another_column_is_no_header(read):
+    found = read(table('"x_values","time"', ['"time [s]","Model Root/p [bar]"', "0.0,5", "0.5,6"]))
+    assert found["Model Root/p"].values.tolist() == [5, 6]
+    assert found["Model Root/p"].time.tolist() == [0, 0.5]
+
+
+@pytest.mark.parametrize(
+    "cell", ["time" + " " * 200_000 + "in x", '"' + '""' * 100_000, "time" + "[" * 100_000]
+)
+def test_very_long_cells_take_no_time_that_grows_with_their_square(read, cell):
+    with pytest.raises(InputError):
+        read(table(f"{cell};p", ["0;1", "1;2"]))
