@@ -104,7 +104,24 @@ def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
             yield _group(file, number, master, label, notes)
 
 
+def _check_places(group: Any, label: str) -> None:
+    """Raise ValueError where a channel is not within its record, as in a damaged file: asammdf would read
+    beyond it.
+    """
+    size = 8 * (
+        group.channel_group.samples_byte_nr + getattr(group.channel_group, "invalidation_bytes_nr", 0)
+    )
+    for channel in group.channels:
+        if hasattr(channel, "byte_offset"):
+            first = 8 * channel.byte_offset + channel.bit_offset
+        else:
+            first = channel.start_offset + 8 * channel.additional_byte_offset
+        if first + channel.bit_count > size:
+            raise ValueError(f"{channel.name} of {label} is beyond its record")
+
+
 def _group(file: Any, number: int, master: int, label: str, notes: list[str]) -> Group:
+    _check_places(file.groups[number], label)
     channels = range(len(file.groups[number].channels))
     wanted = [(None, number, index) for index in channels if index != master]
     found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)

@@ -52,17 +52,23 @@ class Rows:
     def blocks(self) -> Iterator[Block]:
         """All rows, once; `left` counts what is left out."""
         self.left = Left()
+        for data, first, end in self._parts():
+            yield from self._checked(data, first, end)
+
+    def refuse(self) -> None:
+        """Raise InputError for the first line of another width than the header's."""
+        for data, first, _ in self._parts():
+            for _ in self._records(data, first):
+                pass
+
+    def _parts(self) -> Iterator[tuple[bytes, int, int]]:
+        """The lines of rows in blocks, with the number of the first one and of the one behind the last."""
         at = 1
         for data in self.source.blocks():
-            count = data.count(b"\n")
-            end = at + count
-            if end <= self.layout.first:
-                at = end
-                continue
-            if at < self.layout.first:
-                data = data.split(b"\n", self.layout.first - at)[-1]
-                at = self.layout.first
-            yield from self._checked(data, at, end)
+            end = at + data.count(b"\n")
+            if end > self.layout.first:
+                first = max(at, self.layout.first)
+                yield data.split(b"\n", first - at)[-1], first, end
             at = end
 
     def _checked(self, data: bytes, first: int, end: int) -> Iterator[Block]:

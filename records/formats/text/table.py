@@ -139,7 +139,14 @@ class TextTable:
         return {i for i, held in values.items() if len(held) > 1 or (held and rows == 1)}
 
     def strings(self, data: bytes, columns: Sequence[int] = ()) -> pa.Table:
-        """The cells of rows as text, of all columns or of some."""
+        """The cells as text, of all columns or of some; raises InputError for a row of another width."""
+        try:
+            return self._strings(data, columns)
+        except pa.ArrowException as error:
+            self.rows.refuse()
+            raise InputError(f"{self.path}: {first_line(error)}") from None
+
+    def _strings(self, data: bytes, columns: Sequence[int] = ()) -> pa.Table:
         names = [str(i) for i in columns]
         return self._parsed(data, csv.ConvertOptions(
             column_types=dict.fromkeys(names or self.names, pa.string()), include_columns=names,
@@ -203,7 +210,7 @@ class TextTable:
         except pa.ArrowException:
             pass
         try:
-            return self.strings(block.data)
+            return self._strings(block.data)
         except pa.ArrowException as error:
             last = block.numbers[-1]
             raise InputError(

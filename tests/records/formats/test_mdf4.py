@@ -175,3 +175,22 @@ def test_a_recording_is_the_same_in_however_many_parts_it_is_written(tmp_path, m
         assert channel.values.dtype == parts[name].values.dtype
         np.testing.assert_array_equal(channel.time, parts[name].time)
         np.testing.assert_array_equal(channel.values, parts[name].values)
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+def test_a_channel_beyond_its_record_is_refused(tmp_path, version):
+    """asammdf would read memory that is not the file's."""
+    path = save(
+        tmp_path / ("r.mdf" if version < "4" else "r.mf4"),
+        [Signal(np.arange(5.0), np.arange(5.0), name="p")],
+        version=version,
+    )
+    with MDF(path) as file:
+        channel = file.groups[0].channels[1]
+        at = channel.address + (186 if version < "4" else 24 + 8 * 8 + 4)
+    data, form = bytearray(path.read_bytes()), "<H" if version < "4" else "<I"
+    assert struct.unpack_from(form, data, at)[0] == (64 if version < "4" else 8)
+    struct.pack_into(form, data, at, 60_000)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"p of .* is beyond its record"):
+        read_measurement(path)

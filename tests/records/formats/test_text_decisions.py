@@ -194,3 +194,10 @@ def test_a_preamble_that_names_a_time_in_another_column_is_no_header(read):
 def test_very_long_cells_take_no_time_that_grows_with_their_square(read, cell):
     with pytest.raises(InputError):
         read(table(f"{cell};p", ["0;1", "1;2"]))
+
+
+def test_rows_of_other_widths_that_make_up_for_each_other(read):
+    rows = [f"{k};1;1" for k in range(50)]
+    rows[30:32] = ["30;1", "31;1;1;1"]
+    with pytest.raises(InputError, match="line 32 has 2 cells, the header 3"):
+        read(table("time [s];p;q", rows))
