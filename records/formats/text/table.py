@@ -184,9 +184,9 @@ class TextTable:
                 column.put(at, table.column(i), block.numbers, self.marks, frozenset(self.options.missing))
             at += table.num_rows
             numbers.append(block.numbers)
-        pa.default_memory_pool().release_unused()  # what the blocks needed
         self._count(at)
         keep_whole_numbers(self.rows.blocks, self.strings, columns, self.marks, at)
+        pa.default_memory_pool().release_unused()  # what the blocks needed
         return self._raw(clock, columns, at, numbers)
 
     def _clock_cells(self, table: pa.Table) -> pa.ChunkedArray:
