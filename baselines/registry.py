@@ -142,10 +142,10 @@ def _controllers(folder: str, of: Description) -> Iterator[Controller]:
         )
 
 
-def find(name: str) -> Controller:
-    """The controller of this name; InputError names the valid ones."""
+def find(name: str, also: tuple[str, ...] = ()) -> Controller:
+    """The controller of this name; InputError names the valid ones, and what is `also` valid there."""
     if name not in _known():
-        near, valid = nearest(name, names()), f"valid: {', '.join(names())}"
+        near, valid = nearest(name, [*names(), *also]), f"valid: {', '.join([*names(), *also])}"
         hint = valid if near.startswith("valid") else f"{near} ({valid})"
         raise InputError(f"no controller '{name}'; {hint}")
     return _known()[name]

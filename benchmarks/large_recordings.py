@@ -1,4 +1,5 @@
-"""What reading a large table in text costs: peak memory, and how cost grows with rows and with columns.
+"""What reading a large table in text and writing it as MF4 cost: peak memory, and how cost grows with rows
+and with columns.
 
 Each reading is a process of its own, whose peak the system tells.
 """
@@ -16,6 +17,7 @@ COLUMNS = (2_000, 20_000)  # of numbers, in 20 rows
 LIMIT_MB = 500.0  # of the process that reads the most rows
 SUPERLINEAR = 2.0  # so many times what growth with size would be, at most
 PART = 100_000
+WRITE = "import sys; from slewright.__main__ import main; main(['convert', *sys.argv[1:]])"
 READ = "import sys; from records.formats import read_measurement as r; print(len(r(sys.argv[1]).channels))"
 
 
@@ -24,14 +26,22 @@ def measure() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table.csv"
         rows = {str(n): _read(_long(path, n)) for n in ROWS}
+        written = {str(ROWS[-1]): _used(WRITE, path, path.with_suffix(".mf4"))}
         columns = {str(n): _read(_wide(path, n)) for n in COLUMNS}
-    return {"rows": rows, "columns": columns, "growth": {"rows": _growth(rows), "columns": _growth(columns)}}
+    return {
+        "rows": rows,
+        "written": written,
+        "columns": columns,
+        "growth": {"rows": _growth(rows), "columns": _growth(columns)},
+    }
 
 
 def missed(figures: dict[str, Any]) -> list[str]:
     """Which of the limits were not kept."""
-    peak = figures["rows"][str(ROWS[-1])]["peak_mb"]
-    found = [f"{peak:.0f} MB, more than {LIMIT_MB:.0f}"] if peak > LIMIT_MB else []
+    peaks = {kind: figures[kind][str(ROWS[-1])]["peak_mb"] for kind in ("rows", "written")}
+    found = [
+        f"{kind}: {peak:.0f} MB, more than {LIMIT_MB:.0f}" for kind, peak in peaks.items() if peak > LIMIT_MB
+    ]
     return found + [
         f"cost by {name} grows {growth:.1f} times as much as they do"
         for name, growth in figures["growth"].items()
@@ -61,12 +71,18 @@ def _wide(path: Path, count: int) -> Path:
 
 
 def _read(path: Path) -> dict[str, float]:
-    """Peak [MB = 10^6 bytes] and processor time of a process that reads the file."""
-    process = subprocess.Popen([sys.executable, "-c", READ, str(path)], cwd=ROOT, stdout=subprocess.DEVNULL)
+    """What a process that reads the file takes."""
+    return _used(READ, path)
+
+
+def _used(code: str, *paths: Path) -> dict[str, float]:
+    """Peak [MB = 10^6 bytes] and processor time of a process."""
+    command = [sys.executable, "-c", code, *map(str, paths)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
-        raise RuntimeError(f"reading {path} ended with {process.returncode}")
+        raise RuntimeError(f"what was done with {paths[0]} ended with {process.returncode}")
     return {"peak_mb": used.ru_maxrss * 1024 / 1e6, "cpu_s": used.ru_utime + used.ru_stime}
 
 

@@ -23,3 +23,15 @@ SealedOption = Annotated[
         "--sealed", metavar="PURPOSE", callback=purpose, help="On the sealed test draws; it is logged."
     ),
 ]
+
+
+def chosen_set(draw_set: str, sealed: str | None, machines: int) -> str:
+    """The set that so many machines come from; InputError where it has not so many, before it is opened."""
+    from specs import draws
+
+    if draw_set == draws.SEALED:
+        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    draws.check_set(draw_set, 0)
+    which = draws.SEALED if sealed else draw_set
+    draws.check_set(which, machines)
+    return which

@@ -96,16 +96,23 @@ def spreads() -> dict[str, Spread]:
     return dict(_load(PATH)[1])
 
 
+def check_set(name: str, count: int) -> None:
+    """Raise InputError for a set that is not there, or has not so many machines."""
+    sizes = sets()
+    if name not in sizes:
+        raise InputError(f"unknown set of draws '{name}'; {nearest(name, sizes)}")
+    if count > sizes[name]:
+        raise InputError(f"{count} machines of set {name}: valid are 0 to {sizes[name]}")
+
+
 def draw(name: str, index: int, opened: Opened | None = None) -> dict[str, float]:
     """Parameter values (SI) of machine `index` (from 0) of a set; the rest of the machine stays nominal.
 
     Raises InputError for an unknown set or index, and for the test set without `open_test_set`'s leave.
     """
-    sizes = sets()
-    if name not in sizes:
-        raise InputError(f"unknown set of draws '{name}'; {nearest(name, sizes)}")
-    if not 0 <= index < sizes[name]:
-        raise InputError(f"draw {index} of set {name}: valid are 0 to {sizes[name] - 1}")
+    check_set(name, 0)
+    if not 0 <= index < sets()[name]:
+        raise InputError(f"draw {index} of set {name}: valid are 0 to {sets()[name] - 1}")
     if name == SEALED and opened is None:
         raise InputError(
             "the test set is sealed: open it with open_test_set (purpose, logged), for final tables only"

@@ -6,6 +6,7 @@ injected into a simulation.
 Only the first five have a place on CAN and Modbus.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -50,6 +51,17 @@ class Signal:
     def wired(self) -> bool:
         """True if the signal crosses a wire of the machine."""
         return self.kind in WIRED
+
+    def wrong(self, value: float) -> str:
+        """Why a value cannot be this signal's: no number, or outside its range; "" if it can."""
+        low, high = (
+            (-math.inf if self.min is None else self.min),
+            (math.inf if self.max is None else self.max),
+        )
+        if math.isfinite(value) and low <= value <= high:
+            return ""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.name} = {value:g}{unit}: outside {low:g} … {high:g}"
 
     def causality(self, side: Literal["machine", "controller"]) -> Literal["input", "output"] | None:
         """FMI causality in an FMU of the machine or of a controller; None if it does not occur there."""

@@ -25,6 +25,7 @@ NEAREST_M = 4.0  # of a thing: the carriage turns there
 ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
 FLAT_MEANS = 3  # of the angles: their fourth derivatives are to be small
 ROUND_SHARES = (1.0, 0.6, 0.3)  # of the time of the means
+THERE_RAD, STANDS_TICKS = 1e-6, 10  # of a target at the start: nothing moves
 PACKAGES = ("ompl.geometric", "toppra.algorithm")
 AROUND = 24  # directions in which a free target near a taken one is looked for
 RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
@@ -94,6 +95,8 @@ class Planner:
         if reason := self._taken(target):
             return None, reason
         goals = _turns(start, pose_of(target))
+        if np.allclose(goals[0], start, atol=THERE_RAD):
+            return of_angles(np.repeat([start], STANDS_TICKS, axis=0), target.xyz, self.scene.tolerance_m), ""
         corners = search.way(checks, start / self.speeds, [goal / self.speeds for goal in goals], seed)
         if corners is None:
             return None, f"no way found in {checks.count} checks; {self._blocked(start, goals[0])}"

@@ -40,8 +40,7 @@ def plan(start: np.ndarray, target: tuple[float, float]) -> Throw:
     away = math.hypot(*target)
     found = [throw for choice in _choices(away) if (throw := _thrown(start, target, *choice))]
     if not found:
-        low, high = span()
-        raise InputError(f"no throw lands {away:.1f} m from the slew axis; valid: {low:.1f} to {high:.1f} m")
+        raise InputError(f"no throw lands {away:.2f} m from the slew axis; valid: {inside(span())} m")
     return min(found, key=_cost)
 
 
@@ -58,6 +57,12 @@ def span() -> tuple[float, float]:
         for name in ("throw_least_speed", "throw_slew_speed")
     )
     return min(nearest), max(farthest)
+
+
+def inside(span: tuple[float, float]) -> str:
+    """Both ends in figures that are valid themselves."""
+    low, high = math.ceil(100.0 * span[0]) / 100.0, math.floor(100.0 * span[1]) / 100.0
+    return f"{low:.2f} to {high:.2f}"
 
 
 @cache

@@ -47,9 +47,12 @@ class Thrower:
         return float((self._target - now) @ way / (way @ way)) * AHEAD_S / TICK_S
 
     def lands(self, sensors: Mapping[str, float], more: float = 0.0) -> Flight:
-        """Where the load would land if the grab were told to open in this tick, or `more` s later."""
+        """Where the load would land if the grab were told to open in this tick, or `more` s later.
+
+        What is told in a tick acts from the next one on.
+        """
         angles = np.array([sensors[name] for name in SENSED])
-        return flight(*ahead(angles, _rates(sensors), self._delay + more, self._sizes))
+        return flight(*ahead(angles, _rates(sensors), TICK_S + self._delay + more, self._sizes))
 
 
 def _rates(sensors: Mapping[str, float]) -> np.ndarray:

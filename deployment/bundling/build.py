@@ -253,7 +253,7 @@ def _content(controller: str, engine: str) -> Content:
         raise InputError(f"engine {engine} is that of the controller {form.OUTSIDE} only")
     if controller.endswith(".onnx"):
         return policy.content(Path(controller), engine)
-    found = registry.find(controller)
+    found = registry.find(controller, (form.OUTSIDE,))
     if engine != form.NATIVE:
         raise InputError(f"controller {controller} is no policy: its engine is {form.NATIVE}")
     return Content(controller, Block(settled(found), "controller"))

@@ -21,6 +21,7 @@ from deployment.faults.plant import PATIENCE_TICKS, Plant
 from deployment.faults.policies import ASKED, ROLE
 from deployment.faults.processes import attacked
 from deployment.faults.table import Outcome
+from deployment.hil.rig import free_domain
 from runtime.helpers import ROOT
 from runtime.interfaces.told import Listener
 from runtime.interfaces.view import View
@@ -28,15 +29,14 @@ from runtime.supervisor import Supervisor
 from specs.errors import RunError
 from specs.progress import Report
 
-DOMAIN = 79  # of ROS 2, for these faults
 KILLED = "policy_silent"
 ILL = (KILLED, "policy_stale", "policy_hangs", "policy_wrong_message")
 
 
 @contextmanager
-def commanding(name: str) -> Iterator["subprocess.Popen[str]"]:
+def commanding(domain: int, name: str) -> Iterator["subprocess.Popen[str]"]:
     """The node that commands, in a process of its own; a line makes it ill."""
-    command = [sys.executable, "-m", "deployment.faults.policies", str(DOMAIN), name]
+    command = [sys.executable, "-m", "deployment.faults.policies", str(domain), name]
     process = subprocess.Popen(
         command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
     )
@@ -52,8 +52,8 @@ def commanding(name: str) -> Iterator["subprocess.Popen[str]"]:
 class Driven:
     """A run that a policy outside drives; what the interface says, and what counts."""
 
-    def __init__(self, plant: Plant, supervisor: Supervisor) -> None:
-        self.plant = plant
+    def __init__(self, plant: Plant, supervisor: Supervisor, domain: int) -> None:
+        self.plant, self.domain = plant, domain
         self._view, self._listener = View.join(supervisor.folder), Listener(supervisor.folder, "ros2")
         self._known = False
         self.asked = False  # an attacker's command counted
@@ -92,12 +92,12 @@ INJECTIONS: dict[str, Callable[..., None]] = dict.fromkeys(NAMES, run)
 
 @contextmanager
 def _driving(plant: Plant) -> Iterator[Driven]:
-    path = plant.configuration("modbus")
-    path.write_text(path.read_text() + f'[ros2]\ndomain = {DOMAIN}\npolicy = "{ROLE}"\n')
+    path, domain = plant.configuration("modbus"), free_domain()
+    path.write_text(path.read_text() + f'[ros2]\ndomain = {domain}\npolicy = "{ROLE}"\n')
     with Supervisor(path) as supervisor:
         modbus = supervisor.wanted.modbus
         with plant.planned(modbus.port if modbus else 0):
-            yield Driven(plant, supervisor)
+            yield Driven(plant, supervisor, domain)
 
 
 def _lost(
@@ -112,7 +112,7 @@ def _lost(
 
     def fall_ill() -> Result:
         nonlocal told
-        with commanding(outcome.fault.name) as node, plant.beside(node):
+        with commanding(driven.domain, outcome.fault.name) as node, plant.beside(node):
             driven.go()
             plant.drive(int(random.integers(5, 60)), lambda: False)
             driven.said("")
@@ -140,9 +140,9 @@ def _attacked(
         return "the attacker's command counted" * driven.asked
 
     with (
-        commanding(name) as node,
+        commanding(driven.domain, name) as node,
         driven.plant.beside(node),
-        attacker(DOMAIN, name, "--other", module="deployment.faults.policies") as attack,
+        attacker(driven.domain, name, "--other", module="deployment.faults.policies") as attack,
     ):
 
         def one() -> Result:

@@ -31,7 +31,7 @@ def faults(names: Sequence[str] = ()) -> list[Fault]:
     for name in names:
         if name not in known:
             raise InputError(f"no fault '{name}'; {nearest(name, known)}")
-    return [known[name] for name in names] if names else list(known.values())
+    return [known[name] for name in dict.fromkeys(names)] if names else list(known.values())
 
 
 def run(

@@ -13,12 +13,11 @@ from deployment.faults.outsiders import ASKED, ATTACKS, outsider
 from deployment.faults.plant import PATIENCE_TICKS, Plant
 from deployment.faults.processes import attacked
 from deployment.faults.table import Outcome
-from deployment.hil.rig import Interfaces, free_port
+from deployment.hil.rig import Interfaces, free_domain, free_port
 from runtime.interfaces.view import View
 from runtime.supervisor import Supervisor
 from specs.progress import Report
 
-DOMAIN = 78  # of ROS 2, for the faults
 KILLED = {"foxglove_killed": "foxglove", "opcua_killed": "opcua", "ros2_killed": "ros2"}
 NAMES = (*ATTACKS, *KILLED)
 
@@ -33,7 +32,7 @@ def run(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator,
 
 @contextmanager
 def _driving(plant: Plant) -> Iterator[tuple[Supervisor, Interfaces]]:
-    at = Interfaces(free_port(), free_port(), DOMAIN)
+    at = Interfaces(free_port(), free_port(), free_domain())
     path = plant.configuration("modbus")
     more = f"[foxglove]\nport = {at.foxglove}\n[opcua]\nport = {at.opcua}\n"
     path.write_text(path.read_text() + more + f"[ros2]\ndomain = {at.domain}\ncommands = true\n")

@@ -19,7 +19,7 @@ from statistics import median
 from typing import Any
 
 from deployment.hil import loads
-from deployment.hil.rig import Interfaces, Rig, Setting, free_port
+from deployment.hil.rig import Interfaces, Rig, Setting, free_domain, free_port
 from deployment.hil.watchers import watching
 from runtime.image import TICK_S
 from runtime.realtime import PRIORITY
@@ -34,7 +34,6 @@ PAGES = {"hmi": loads.readers, "browsers": loads.pages}
 # All interfaces beside CAN and Modbus, with ten clients: four of Foxglove, three of OPC UA, three of ROS 2.
 INTERFACES = "interfaces"
 MORE = (*PAGES, INTERFACES)
-DOMAIN = 77  # of ROS 2, for the measurement
 LIMITS = {
     "idle": 1.5,
     "modbus": 1.5,
@@ -214,7 +213,7 @@ def _ours(bundle: Path, name: str, seconds: float) -> tuple[dict[str, Any], floa
     ticks = round(seconds / TICK_S)
     scenario = load(SCENARIO)
     hmi = free_port() if name in PAGES else None
-    served = Interfaces(free_port(), free_port(), DOMAIN) if name == INTERFACES else None
+    served = Interfaces(free_port(), free_port(), free_domain()) if name == INTERFACES else None
     ticks = min(ticks, scenario.duration_ticks)
     with Rig(Setting(bundle, scenario, ticks=ticks, hmi=hmi, interfaces=served)) as rig:
         with _load(name, lambda: nullcontext(rig.port), seconds, hmi, served) as found:

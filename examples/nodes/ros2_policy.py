@@ -48,7 +48,7 @@ def answer(seen, history, held):
 history, held, due, beat = History(contract.history), np.zeros(len(ACTIONS)), 0, 0
 while True:
     for seen in signals.take(10):
-        if seen.tick < due:
+        if 0 < due - seen.tick <= PERIOD:  # further back: the controller was started again
             continue
         if seen.control_mode == AUTOMATIC:
             held = answer(seen, history, held)

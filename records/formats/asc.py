@@ -13,21 +13,16 @@ from can import Message
 
 from records.formats.can_frames import FrameLog
 from records.formats.log_lines import LeftOut, LogLines
+from records.formats.text.words import MONTHS
 from specs.errors import InputError
 
-MONTHS = {
-    "jan": 1, "feb": 2, "mar": 3, "mär": 3, "maer": 3, "mrz": 3, "mars": 3, "apr": 4, "avr": 4,
-    "may": 5, "mai": 5,
-    "jun": 6, "juin": 6, "jul": 7, "juil": 7, "aug": 8, "août": 8, "sep": 9, "sept": 9, "oct": 10, "okt": 10,
-    "nov": 11, "dec": 12, "dez": 12, "déc": 12, "févr": 2, "janv": 1,
-}  # fmt: skip
 NEAR = 60.0  # s between a log's start and its first frame
 DATE = re.compile(
     r"^(?:date|begin\s+triggerblock)\s+\S+\s+(?P<month>[^\W\d]+)\.?\s+(?P<day>\d+)\s+(?P<h>\d+):(?P<m>\d+):(?P<s>\d+)"
     r"(?:[.,](?P<f>\d+))?\s*(?P<half>[ap]m)?\s+(?P<year>\d{4})\s*$",
     re.IGNORECASE,
 )
-TIMED = re.compile(r"^\s*(?P<time>\d+[.,]\d+)\s+(?P<rest>\S.*?)\s*$")
+TIMED = re.compile(r"^\s*(?P<time>\d+[.,]\d+)\s+(?P<rest>\S.*)$")
 CLASSIC = re.compile(
     r"^(?P<bus>\d+)\s+(?P<id>\S+)\s+(?P<dir>Rx|Tx|TxRq)\s+d\s+(?P<length>[0-9a-fA-F]+)(?P<data>(?:\s+[0-9a-fA-F]{1,3})*)(?P<more>\s+.*)?$"
 )
@@ -35,7 +30,7 @@ REMOTE = re.compile(r"^\d+\s+\S+\s+(Rx|Tx|TxRq)\s+r\b")
 ERROR = re.compile(r"^(CANFD\s+)?\d+\s+(Rx\s+|Tx\s+)?ErrorFrame", re.IGNORECASE)
 FD = re.compile(
     r"^CANFD\s+(?P<bus>\d+)\s+(?P<dir>Rx|Tx|TxRq)\s+(?P<id>[0-9a-fA-F]+x?)\s+(?:(?P<name>[A-Za-z_]\S*)\s+)?(?P<brs>[01])\s+(?P<esi>[01])\s+"
-    r"(?P<dlc>[0-9a-fA-F])\s+(?P<length>\d+)(?P<data>(?:\s+[0-9a-fA-F]{1,2})*)"
+    r"(?P<dlc>[0-9a-fA-F])\s+(?P<length>\d+)(?P<data>(?:\s+[0-9a-fA-F]{1,3}(?!\S))*)"
 )
 EVENT = re.compile(
     r"^(Start of measurement|\d+\s+Statistic:|CAN\s+\d+\s+Status:|log trigger|SV:|J1939TP"
@@ -59,7 +54,7 @@ def read_asc(path: Path, named: dict[str, tuple[int, bool]], log: AscLog) -> Ite
     """The data frames; `named` gives identifiers of messages by name, for logs with names for numbers."""
     lines, first = LogLines(path), None
     for number, line in enumerate(lines, 1):
-        match = TIMED.match(line)
+        match = TIMED.match(line.rstrip())
         if match is None:
             _head_line(path, number, line.strip(), log, first is not None)
             continue
@@ -155,12 +150,12 @@ def _message(
 ) -> Message | None:
     fd = frame.re is FD
     try:
-        length = int(frame["length"], 10 if fd else 16)
-        data = bytes(int(b, 16 if fd else base) for b in frame["data"].split()[:length])
+        length = int(frame["length"]) if fd else min(int(frame["length"], 16), 8)  # 9 to 15 are 8 bytes, too
+        data = bytes(int(b, base) for b in frame["data"].split()[:length])
         identifier, extended = named[frame["id"]] if frame["id"] in named else _identifier(frame["id"], base)
     except ValueError:
         return None
-    if len(data) != length or length > (64 if fd else 8):
+    if len(data) != length or length > 64:
         return None
     return Message(
         timestamp=float(line["time"].replace(",", ".")), arbitration_id=identifier, is_extended_id=extended,

@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -252,6 +252,14 @@ def _gaps(time: np.ndarray, name: str) -> list[str]:
     ]  # fmt: skip
 
 
+def _later(start: datetime | None, by_s: float) -> tuple[datetime | None, list[str]]:
+    """A time of day so much later, and what to say where no calendar goes that far."""
+    try:
+        return (start and start + timedelta(seconds=by_s)), []
+    except OverflowError:
+        return None, [f"times begin {by_s:.6g} s behind the start: it is not known"]
+
+
 def _from_zero(measurement: Measurement, before: float) -> Measurement:
     """Count time from the first sample of any channel, and let `start` follow.
 
@@ -266,7 +274,8 @@ def _from_zero(measurement: Measurement, before: float) -> Measurement:
         if id(time) not in shifted:
             shifted[id(time)] = time - first if first else time
     channels = {n: replace(c, time=shifted[id(c.time)]) for n, c in measurement.channels.items()}
-    start = measurement.start and measurement.start + timedelta(seconds=float(offset))
+    start, lost = _later(measurement.start, float(offset))
+    measurement = replace(measurement, repairs=(*measurement.repairs, *lost))
     if not offset:
         return replace(measurement, channels=channels, start=start)
     note = f"time begins at {offset:.9g} s: counted from there"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from records.formats.dbc import Dbc, all_columns, checksums, data_id, fields, unstated
+from records.formats.exact import EXACT, ROUNDED
 from records.formats.raw import Group, Raw, RawColumn
 from specs.errors import InputError
 
@@ -108,8 +109,20 @@ def _group(message: Any, bus: Any, frames: Frames, notes: list[str], path: Path)
         notes.append(f"{message.name}: frames whose checksum is wrong: dropped {wrong}")
     if not right.any():
         return []
-    columns = [c for c in _joined(parts) if c.absent is None or not c.absent.all()]
+    made = _joined(parts)
+    notes += _rounded(message, made)
+    columns = [c for c in made if c.absent is None or not c.absent.all()]
     return [(bus, Group(message.name, time[right] if not right.all() else time, columns, "frame"))]
+
+
+def _rounded(message: Any, columns: Sequence[RawColumn]) -> list[str]:
+    """What to say of whole numbers that became floats and are not exact any more."""
+    least = {f.signal.name: EXACT * abs(f.place.scale) for f in fields(message) if f.is_wide}
+    return [
+        f"{c.name}: {ROUNDED}"
+        for c in columns
+        if c.name in least and c.values.dtype.kind == "f" and np.abs(c.values).max() >= least[c.name]
+    ]
 
 
 def _joined(parts: list[list[RawColumn]]) -> list[RawColumn]:

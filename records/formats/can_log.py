@@ -127,7 +127,7 @@ def _blf(path: Path, log: BlfLog) -> Iterator[Any]:
     log.objects = blf_objects.count(path)  # refuses objects of no size, at which python-can does not end
     try:
         reader = can.BLFReader(path)
-    except (struct.error, BLFParseError):
+    except (struct.error, BLFParseError, ValueError, OverflowError):
         raise InputError(f"{path} is damaged or not BLF") from None
     start, reader.start_timestamp = reader.start_timestamp, 0.0  # times of day would cost their digits
     size, log.stated = path.stat().st_size, reader.object_count

@@ -13,8 +13,9 @@ import cantools
 import numpy as np
 from cantools.database.errors import Error
 
-from records.formats.codes import means_no_value
+from records.formats.codes import means_no_value, of_states
 from records.formats.encoding import Damaged, decoded
+from records.formats.exact import scaled
 from records.formats.raw import RawColumn
 from records.recording import first_line
 from specs import e2e
@@ -64,13 +65,14 @@ class Field:
 
     @property
     def codes(self) -> list[int]:
-        """Raw numbers that the value table calls no value."""
-        top = self.not_available - 1
+        """Raw numbers that the value table calls no value; one bit has no room for any."""
         labels = {int(n): str(t) for n, t in (self.signal.choices or {}).items()}
+        if self.signal.length == 1:
+            return []
+        top = (self.not_available >> self.signal.is_signed) - 1
         some = len(labels) <= self.not_available  # an enumeration of all numbers has *error* as a state
-        return [
-            n & self.not_available for n, text in labels.items() if means_no_value(text, some and n >= top)
-        ]
+        states = of_states(labels.values())
+        return [n for n, t in labels.items() if t not in states and means_no_value(t, some and n >= top)]
 
     @property
     def last_byte(self) -> int:
@@ -103,25 +105,41 @@ class Field:
             absent |= raw == self.not_available
             broken = (raw > self.limits[1]) & ~absent
         if codes := self.codes:
-            coded = np.isin(raw, np.array(codes, dtype=np.uint64)) & ~absent
+            coded = self._is_one_of(raw, codes) & ~absent
             broken = coded if broken is None else broken | coded
         absent = absent if absent.any() else None
         comment = self.signal.comment if isinstance(self.signal.comment, str) else ""
         return RawColumn(self.signal.name, self.signal.unit or "", self._values(raw), comment, absent, broken)
 
+    def _is_one_of(self, raw: np.ndarray, codes: list[int]) -> np.ndarray:
+        """Whether raw numbers [n, uint64] are codes: of a float its number, else its bits."""
+        if self.signal.is_float:
+            return np.isin(self._floats(raw), np.array(codes, dtype=np.float64))
+        return np.isin(raw, np.array([n & self.not_available for n in codes], dtype=np.uint64))
+
+    def _floats(self, raw: np.ndarray) -> np.ndarray:
+        kinds = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+        bits, kind = kinds[self.signal.length]
+        return raw.astype(bits).view(kind).astype(np.float64)
+
     def _values(self, raw: np.ndarray) -> np.ndarray:
         s = self.signal
         if s.is_float:
-            kinds = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
-            bits, kind = kinds[s.length]
-            number = raw.astype(bits).view(kind).astype(np.float64)
+            number = self._floats(raw)
         elif s.is_signed:
             number = (raw << np.uint64(64 - s.length)).view(np.int64) >> np.int64(64 - s.length)
         else:
             number = raw if s.length > 63 else raw.astype(np.int64)
         if self.place.scale == 1 and self.place.offset == 0 and not s.is_float:
             return number
+        if self.is_wide and (exact := scaled(number, self.place.scale, self.place.offset)) is not None:
+            return exact
         return number.astype(np.float64) * self.place.scale + self.place.offset
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it has numbers that floats round."""
+        return self.signal.length > 53 and not self.signal.is_float
 
     def encoded(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Raw numbers [n, uint64] of values in the DBC's unit, and which of them the field cannot hold."""

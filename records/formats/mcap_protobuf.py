@@ -1,5 +1,6 @@
 """Messages of MCAP topics in Protocol Buffers, read by the schema that the file carries."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,8 +11,13 @@ from specs.errors import InputError
 ENCODING = "protobuf"
 
 
-def decoder(schema: Schema, topic: str) -> Callable[[bytes], dict[str, float | int | bool]]:
-    """Gives the numbers of a message by their path in it; raises InputError for what is not of the schema."""
+def decoder(
+    schema: Schema, topic: str, left: Counter[str]
+) -> Callable[[bytes], dict[str, float | int | bool]]:
+    """Gives the numbers of a message by their path in it; raises InputError for what is not of the schema.
+
+    `left` counts texts and lists, which are no channels.
+    """
     try:  # not in the extra `formats`: few files need it
         from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
         from google.protobuf.message import DecodeError
@@ -33,7 +39,7 @@ def decoder(schema: Schema, topic: str) -> Callable[[bytes], dict[str, float | i
 
     def decode(data: bytes) -> dict[str, float | int | bool]:
         try:
-            return dict(_numbers(kind.FromString(data), ""))
+            return dict(_numbers(kind.FromString(data), "", left))
         except wrong as error:
             raise refused(error) from None
 
@@ -50,13 +56,15 @@ def _in_order(files: Any) -> list[Any]:
     return done
 
 
-def _numbers(message: Any, at: str) -> Iterator[tuple[str, float | int | bool]]:
-    """Numbers in nested messages; text, bytes and repeated fields are no channels."""
+def _numbers(message: Any, at: str, left: Counter[str]) -> Iterator[tuple[str, float | int | bool]]:
+    """Numbers in nested messages; text, bytes and repeated fields are no channels: `left` counts them."""
     for field in message.DESCRIPTOR.fields:
-        if field.is_repeated or (field.has_presence and not message.HasField(field.name)):
+        if field.has_presence and not message.HasField(field.name):
             continue  # what was not set is absent, not 0
         value, path = getattr(message, field.name), f"{at}{field.name}"
-        if field.message_type is not None:
-            yield from _numbers(value, f"{path}.")
+        if field.is_repeated or isinstance(value, str | bytes):
+            left[path] += bool(value)
+        elif field.message_type is not None:
+            yield from _numbers(value, f"{path}.", left)
         elif isinstance(value, bool | int | float):
             yield path, value

@@ -2,7 +2,6 @@
 
 import struct
 from collections.abc import Iterator
-from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +15,34 @@ from mcap.writer import MCAP0_MAGIC
 from records.recording import first_line
 from specs.errors import InputError
 
-BROKEN_CHUNK = (CRCValidationError, McapError, ValueError, RuntimeError, struct.error, zstandard.ZstdError)
+BROKEN_CHUNK = (
+    CRCValidationError,
+    McapError,
+    ValueError,
+    RuntimeError,
+    struct.error,
+    zstandard.ZstdError,
+    MemoryError,
+)
 HEAD = struct.Struct("<BQ")  # of a record: its kind and its length
 
 
-class _WholePart(RawIOBase):
-    """The bytes of a file up to the end of its last whole record, and what must stand behind them."""
+class _WholePart:
+    """The bytes of a file up to the end of its last whole record, and what must stand behind them.
+
+    It reads what is there, however much a damaged length asks for.
+    """
 
     def __init__(self, file: Any, end: int, behind: bytes) -> None:
         self.file, self.left, self.behind = file, end, behind
         file.seek(0)
 
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        data = self.file.read(min(len(buffer), self.left))
+    def read(self, size: int) -> bytes:
+        data = self.file.read(min(size, self.left))
         self.left -= len(data)
-        if not data:
-            data, self.behind = self.behind[: len(buffer)], self.behind[len(buffer) :]
-        buffer[: len(data)] = data
-        return len(data)
+        more = size - len(data)
+        data, self.behind = data + self.behind[:more], self.behind[more:]
+        return data
 
 
 def records_of(path: Path, notes: list[str]) -> Iterator[Any]:
@@ -48,13 +54,13 @@ def records_of(path: Path, notes: list[str]) -> Iterator[Any]:
         if not closed:
             notes.append("the file was not closed, it has no footer: read as far as it is whole")
         part = _WholePart(file, end, MCAP0_MAGIC if closed else b"")
-        records = StreamReader(part, emit_chunks=True).records
+        records = StreamReader(part, emit_chunks=True).records  # type: ignore[arg-type]
         while True:
             try:
                 record = next(records)
             except (StopIteration, EndOfFile):
                 return
-            except (McapError, ValueError, OverflowError, struct.error) as error:
+            except (McapError, ValueError, OverflowError, MemoryError, struct.error) as error:
                 notes.append(f"the file is damaged: read up to there ({first_line(error)})")
                 return
             yield from _of_chunk(record, notes) if isinstance(record, Chunk) else (record,)

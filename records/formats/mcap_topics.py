@@ -13,6 +13,7 @@ import numpy as np
 from mcap.records import Channel as Topic, Message, Schema
 
 from records.formats import mcap_protobuf, mcap_ros2
+from records.formats.exact import EXACT
 from records.formats.raw import Group, RawColumn
 from records.recording import first_line
 from specs.errors import InputError
@@ -21,7 +22,6 @@ OURS = "slewright"  # name of our metadata, key of our topics' metadata
 JSON = "json"
 STATE = "state"  # under OURS in a topic's metadata: what a program goes on from, no channels
 YEAR_NS = 365 * 86_400 * 10**9  # stamps below it count from no date
-EXACT = 2**53  # from here on a float skips whole numbers
 BLOCK = 1 << 14  # messages that are held as such
 BLOCK_BYTES = 16 << 20
 
@@ -48,7 +48,7 @@ class TopicRows:
     times: array = field(default_factory=lambda: array("Q"))
     parts: dict[str, list[Part]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    left: Counter[str] = field(default_factory=Counter)  # texts and lists of messages in JSON
+    left: Counter[str] = field(default_factory=Counter)  # texts and lists of messages
     closed: bool = False  # its messages are not read, or no longer
     _rows: list[Row] = field(default_factory=list)
     _done: int = 0
@@ -99,17 +99,23 @@ class TopicRows:
     def _decoder(self) -> Callable[[bytes], Row]:
         name = f"topic {self.topic.topic}"
         if self.schema is not None and self._in_protobuf:
-            return mcap_protobuf.decoder(self.schema, f"{self.path}: {name}")
+            return mcap_protobuf.decoder(self.schema, f"{self.path}: {name}", self.left)
         if self.schema is not None and self._in_ros2:
-            return mcap_ros2.decoder(self.schema.data.decode("utf-8", "replace"), self.schema.name, name)
+            text = self.schema.data.decode("utf-8", "replace")
+            return mcap_ros2.decoder(text, self.schema.name, name, self.left, self.notes)
         return self._of_json
 
     def _of_json(self, data: bytes) -> Row:
         """The numbers of a message by their path in it."""
+        place = f"message {len(self.times) + 1} of {self.topic.topic}"
         try:
-            return dict(_numbers(json.loads(data), "", self.left))
+            ours = OURS in self.topic.metadata  # no name stands twice there
+            message = json.loads(data) if ours else json.loads(data, object_pairs_hook=_object)
+            found = list(_numbers(message, "", self.left))
+            return dict(found) if ours else _object(found)
+        except _TwiceError as error:
+            raise InputError(f"{self.path}: {place} has '{error}' twice: which one holds?") from None
         except (ValueError, RecursionError) as error:
-            place = f"message {len(self.times) + 1} of {self.topic.topic}"
             raise InputError(f"{self.path}: {place} is not JSON: {first_line(error)}") from None
 
     def _flush(self) -> None:
@@ -156,6 +162,18 @@ def _seconds(stamps: array, zero: int) -> np.ndarray:
     held = np.frombuffer(stamps, np.uint64)
     small = held.max() < 2**63 and abs(zero) < 2**62
     return np.asarray((held.astype(np.int64 if small else object) - zero) / 1e9, dtype=np.float64)
+
+
+class _TwiceError(ValueError):
+    """Says what stands twice in an object."""
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object in which each name, or each path in it, stands once."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise _TwiceError(Counter(name for name, _ in pairs).most_common(1)[0][0])
+    return found
 
 
 def _numbers(value: Any, at: str, left: Counter[str]) -> Iterator[tuple[str, float | int | bool]]:

@@ -7,7 +7,7 @@ import gc
 import json
 import logging
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from datetime import UTC, datetime
 from io import BytesIO, StringIO
@@ -19,7 +19,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 from asammdf import MDF, Signal
 
-from records.formats.mdf4_codes import applied, has_texts
+from records.formats.exact import EXACT, ROUNDED
+from records.formats.mdf4_codes import applied, exactly, has_texts
 from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import clocks
@@ -33,7 +34,9 @@ WRITES = (".mf4",)
 VERSION = "4.11"
 META = "slewright"  # property of the header's comment that holds our metadata
 TIME = 1  # MDF4's synchronisation type; MDF3 knows no other
+PART = 1 << 15  # samples given to asammdf at once
 DEFLATED = 2  # transposed, which suits floats
+INTEGERS, FLOAT_BITS = (0, 1, 2, 3), 53  # types of whole numbers; a float holds those of so many bits
 UNFINISHED = b"UnFinMF "
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it finds is said here
 
@@ -45,7 +48,7 @@ def read(path: Path, names: Mapping[str, str], dbc: Path | None = None, protocol
     notes = ["the file was not finalised: read as far as it was written"] if unfinished else []
     with _silence():
         try:
-            return _read(path, notes, dbc, protocol)
+            return _read(path, unfinished, notes, dbc, protocol)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         except Exception as error:  # noqa: BLE001 - a damaged file makes asammdf raise anything
@@ -73,9 +76,9 @@ def _silence() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def _read(path: Path, notes: list[str], dbc: Path | None, protocol: str | None) -> Raw:
-    # A stream, not the path: what asammdf mends of an unfinished file stays in memory.
-    with MDF(BytesIO(path.read_bytes())) as file:
+def _read(path: Path, unfinished: bool, notes: list[str], dbc: Path | None, protocol: str | None) -> Raw:
+    # What asammdf mends of an unfinished file stays in memory; others it reads in parts.
+    with MDF(BytesIO(path.read_bytes()) if unfinished else path) as file:
         if dbc is not None:
             from records.formats.mdf4_frames import read_frames
 
@@ -101,11 +104,29 @@ def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
             yield _group(file, number, master, label, notes)
 
 
+def _check_places(group: Any, label: str) -> None:
+    """Raise ValueError where a channel is not within its record, as in a damaged file: asammdf would read
+    beyond it.
+    """
+    size = 8 * (
+        group.channel_group.samples_byte_nr + getattr(group.channel_group, "invalidation_bytes_nr", 0)
+    )
+    for channel in group.channels:
+        if hasattr(channel, "byte_offset"):
+            first = 8 * channel.byte_offset + channel.bit_offset
+        else:
+            first = channel.start_offset + 8 * channel.additional_byte_offset
+        if first + channel.bit_count > size:
+            raise ValueError(f"{channel.name} of {label} is beyond its record")
+
+
 def _group(file: Any, number: int, master: int, label: str, notes: list[str]) -> Group:
+    _check_places(file.groups[number], label)
     channels = range(len(file.groups[number].channels))
     wanted = [(None, number, index) for index in channels if index != master]
     found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)
-    time = _times(file, number, master, label)
+    time = found[0].timestamps if found else file.get_master(number)
+    time = _in_seconds(file, number, master, label, np.asarray(time))
     columns = []
     for signal, (_, _, index) in zip(found, wanted, strict=True):
         rule = file.groups[number].channels[index].conversion
@@ -113,19 +134,34 @@ def _group(file: Any, number: int, master: int, label: str, notes: list[str]) ->
             plain = file.select([(None, number, index)], raw=True, copy_master=False, validate=False)[0]
             columns += _with_codes(plain, rule, signal, notes)
         else:
-            columns += _columns(signal, notes)
+            columns += _columns(_exact(file, number, index, signal, notes), notes)
     short = [c.name for c in columns if len(c.values) != len(time)]
     if short:
         raise ValueError(f"{short[0]} of {label} has not as many samples as times")
     return Group(label, time, columns, "sample")
 
 
-def _times(file: Any, number: int, master: int, label: str) -> np.ndarray:
+def _exact(file: Any, number: int, index: int, signal: Any, notes: list[str]) -> Any:
+    """A signal whose raw whole numbers a rule made floats, exactly where it can be; else it is said."""
+    channel = file.groups[number].channels[index]
+    wide = channel.bit_count > FLOAT_BITS and channel.data_type in INTEGERS
+    if not wide or np.asarray(signal.samples).dtype.kind != "f":
+        return signal
+    raw = file.select([(None, number, index)], raw=True, copy_master=False, validate=False)[0].samples
+    exact = exactly(channel.conversion, raw)
+    if exact is not None:
+        signal.samples = exact
+    elif len(raw) and max(abs(int(raw.min())), abs(int(raw.max()))) > EXACT:
+        notes.append(f"{signal.name}: {ROUNDED}")
+    return signal
+
+
+def _in_seconds(file: Any, number: int, master: int, label: str, time: np.ndarray) -> np.ndarray:
     """The group's times in s: MDF has s, but a unit that says otherwise is believed."""
     channel = file.groups[number].channels[master]
     unit = getattr(channel, "unit", "") or getattr(channel.conversion, "unit", "") or "s"
     unit = unit.decode("latin-1").strip("\0 ") if isinstance(unit, bytes) else unit
-    return seconds(np.asarray(file.get_master(number)), unit or "s", f"the time of {label}")
+    return seconds(time, unit or "s", f"the time of {label}")
 
 
 def _with_codes(plain: Any, rule: Any, signal: Any, notes: list[str]) -> list[RawColumn]:
@@ -148,7 +184,7 @@ def _columns(signal: Any, notes: list[str]) -> list[RawColumn]:
         notes.append(f"{signal.name}: left out, it holds no numbers")
         return []
     kinds = {"f": np.float64, "i": np.int64, "u": np.uint64 if held.dtype.itemsize == 8 else np.int64}
-    held = held.astype(kinds.get(held.dtype.kind, held.dtype))
+    held = held.astype(kinds.get(held.dtype.kind, held.dtype), copy=False)
     broken = signal.invalidation_bits
     broken = None if broken is None else np.asarray(broken, dtype=bool)
     return [RawColumn(signal.name, signal.unit or "", held, _text(signal.comment), None, broken)]
@@ -199,13 +235,25 @@ def write(measurement: Measurement, path: Path) -> list[str]:
             "</common_properties></HDcomment>"
         )
         for number, (time, channels) in enumerate(clocks(measurement.channels.values())):
-            signals = [_signal(c, time) for c in channels if len(time)]
-            file.append(signals, acq_name=f"clock {number + 1}", common_timebase=True)
+            if len(time):
+                _append(file, number, time, channels)
         file.save(path, overwrite=True, compression=DEFLATED)
     flags = any(c.values.dtype.kind == "b" for c in measurement.channels.values())
     return ["types: flags become whole numbers"] if flags else []
 
 
-def _signal(channel: Channel, time: np.ndarray) -> Any:
-    held = channel.values.astype(np.uint8) if channel.values.dtype == bool else channel.values
-    return Signal(held, time, unit=channel.unit, name=channel.name, comment=channel.description)
+def _append(file: Any, number: int, time: np.ndarray, channels: Sequence[Channel]) -> None:
+    """Add the group of a clock, in parts: asammdf makes several copies of what it is given."""
+    part = slice(0, PART)
+    signals = [
+        Signal(_held(c, part), time[part], unit=c.unit, name=c.name, comment=c.description) for c in channels
+    ]
+    file.append(signals, acq_name=f"clock {number + 1}", common_timebase=True)
+    for first in range(PART, len(time), PART):
+        part = slice(first, first + PART)
+        file.extend(len(file.groups) - 1, [(time[part], None), *((_held(c, part), None) for c in channels)])
+
+
+def _held(channel: Channel, part: slice) -> np.ndarray:
+    held = channel.values[part]
+    return held.astype(np.uint8) if held.dtype == bool else held

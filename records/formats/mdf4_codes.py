@@ -7,10 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from records.formats.codes import means_no_value
+from records.formats.codes import means_no_value, of_states
+from records.formats.exact import scaled
 
+LINEAR, V3_LINEAR = 1, 0
 VALUE_TO_TEXT, RANGE_TO_TEXT = 7, 8  # MDF4
 V3_VALUE_TO_TEXT, V3_RANGE_TO_TEXT = 11, 12
+
+
+def exactly(rule: Any, raw: np.ndarray) -> np.ndarray | None:
+    """Values of raw whole numbers that a linear rule keeps whole, exactly; None for others."""
+    if rule is None or rule.conversion_type not in (LINEAR, V3_LINEAR) or not hasattr(rule, "b"):
+        return None
+    return scaled(raw, rule.a, rule.b)
 
 
 def has_texts(rule: Any) -> bool:
@@ -31,11 +40,14 @@ def applied(rule: Any, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     entries = list(_entries(rule, raw))
     numeric = any(not _is_text(to) for _, to in entries)
-    values = raw.astype(np.float64 if numeric or raw.dtype.kind == "f" else np.int64)
+    states = set() if numeric else of_states(_as_text(to) for _, to in entries)
+    plain = np.float64 if raw.dtype.kind == "f" else np.uint64 if raw.dtype == np.uint64 else np.int64
+    values = raw.astype(np.float64 if numeric else plain)
     coded = np.zeros(len(raw), dtype=bool)
     for mask, to in entries:
         if _is_text(to):
-            coded |= mask & (numeric or means_no_value(_as_text(to), _at_the_top(raw, mask)))
+            text = _as_text(to)
+            coded |= mask & (numeric or (text not in states and means_no_value(text, _at_the_top(raw, mask))))
         elif has_texts(to):
             inner, codes = applied(to, raw[mask])
             values[mask], coded[mask] = inner, codes

@@ -1,14 +1,17 @@
 """Parquet: our own run records, and tables of other tools with a time column."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from records import record
+from records.formats.exact import EXACT
 from records.formats.metadata import from_ns, meta_of, start_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import (
@@ -127,6 +130,7 @@ def _clock_of(
         return found[0], found[1] or headings[found[0]].unit or clock_unit(headings[found[0]].name)
     named = [i for i, h in enumerate(headings) if clock_name(h.name)]
     index = [i for i, h in enumerate(headings) if h.name == INDEX and _is_time(table.column(i).type)]
+    index = [i for i in index if not pa.types.is_integer(table.column(i).type)]  # which counts the rows
     of_time = [i for i, f in enumerate(table.schema) if pa.types.is_timestamp(f.type)]
     if not named and (index or len(of_time) == 1):
         named = index or of_time
@@ -193,7 +197,8 @@ def _clock(
 def _column(head: Heading, column: pa.ChunkedArray, notes: list[str]) -> RawColumn | None:
     kind = column.type
     if pa.types.is_decimal(kind):
-        column, kind = column.cast(pa.float64()), pa.float64()
+        column = _of_decimals(column)
+        kind = column.type
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
         notes.append(f"{head.name}: left out, a column of {kind} holds no numbers")
         return None
@@ -203,10 +208,23 @@ def _column(head: Heading, column: pa.ChunkedArray, notes: list[str]) -> RawColu
     return RawColumn(head.name, head.unit, _numbers(column), "", absent)
 
 
+def _of_decimals(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Decimals as whole numbers where they have no decimals and fit, else as floats."""
+    if column.type.scale <= 0:
+        for kind in (pa.int64(), pa.uint64()):
+            with suppress(pa.ArrowException):
+                return column.cast(kind)
+    return column.cast(pa.float64())
+
+
 def _numbers(column: pa.ChunkedArray) -> np.ndarray:
-    """Floats as float64, whole numbers as int64 (float64 where some are absent), Booleans as they are."""
+    """Floats as float64, whole numbers as int64, Booleans as they are; where some are absent as float64, but
+    for whole numbers that floats would round: those are 0 there.
+    """
     kind = column.type
-    if column.null_count or pa.types.is_floating(kind):
+    if column.null_count and pa.types.is_integer(kind) and _is_wide(column):
+        column = column.fill_null(0)
+    elif column.null_count or pa.types.is_floating(kind):
         if pa.types.is_boolean(kind):
             column = column.cast(pa.uint8())
         whole = values(column.cast(pa.float64(), safe=False).fill_null(float("nan")))
@@ -214,3 +232,9 @@ def _numbers(column: pa.ChunkedArray) -> np.ndarray:
     if pa.types.is_boolean(kind) or kind == pa.uint64():
         return values(column)
     return values(column.cast(pa.int64()))
+
+
+def _is_wide(column: pa.ChunkedArray) -> bool:
+    """Whether some whole numbers are beyond those that floats hold exactly."""
+    ends = pc.min_max(column).as_py().values()  # type: ignore[attr-defined]
+    return any(end is not None and abs(end) > EXACT for end in ends)

@@ -3,7 +3,7 @@
 Time stamps are mended here where that takes no guessing, and it is said; anything else is refused with its
 place.  Rows that came late by a few places are put in order where that leaves an even clock.  A clock that
 jumps back leaves stretches that overlap once sorted: two rows within less than a period, or two values at
-one time.
+one time; one that wrapped does not get beyond where it was.
 """
 
 from collections.abc import Mapping, Sequence
@@ -94,6 +94,9 @@ def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     if not (group.time[1:] < group.time[:-1]).any():
         return group, []
     steps = np.diff(group.time)
+    if len(steps) > 1 and (steps < 0).all():
+        note = f"the {rows(group, 2, False)} stand newest first: put in order"
+        return rows_at(group, np.arange(len(group.time))[::-1]), [note]
     order = np.argsort(group.time, kind="stable")
     moved = order - np.arange(len(order))
     back = int(np.flatnonzero(steps < 0)[0]) + 1
@@ -104,7 +107,7 @@ def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     far = (
         period > 0 and -steps.min() > LATE * period
     )  # a clock that wrapped or was set, not a row that came late
-    if np.abs(moved).max() > LATE or uneven.any() or far:
+    if np.abs(moved).max() > LATE or uneven.any() or far or _ends_behind(group.time):
         raise InputError(
             f"{source}: the clock jumps back by {group.time[back - 1] - group.time[back]:.6g} s at "
             f"{group.place(back)}; cut the recording there"
@@ -112,6 +115,17 @@ def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     late = int((steps < 0).sum())
     note = f"put {late} late {rows(group, late, False)} in order; the first: {group.place(back)}"
     return rows_at(group, order), [note]
+
+
+def _ends_behind(time: np.ndarray) -> bool:
+    """Whether a clock jumps back and does not get beyond where it was: it wrapped, or was set.
+
+    A last row by itself may have come late, where others before it are earlier.
+    """
+    behind = time < np.maximum.accumulate(time)
+    if not behind[-1]:
+        return False
+    return bool(behind[-2:].all() or time[-1] < time[:-1].min())
 
 
 def _merge_rows_of_one_time(group: Group, source: str) -> tuple[Group, list[str]]:

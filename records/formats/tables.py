@@ -142,7 +142,7 @@ def one_clock(headings: Sequence[Heading], possible: Sequence[int], source: str)
         raise InputError(
             f"{source}: {len(possible)} columns may be the time: {several}; --clock NAME says which one is"
         )
-    shown = ", ".join(found[:8]) + (", …" if len(found) > 8 else "")
+    shown = ", ".join(name[:40] for name in found[:8]) + (", …" if len(found) > 8 else "")
     raise InputError(
         f"{source}: no time column (time, timestamp, t, time_ms …) among {shown}; "
         "--clock 'NAME [unit]' names it, or a --map with 'NAME' = 'time [unit]'"

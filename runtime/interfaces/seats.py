@@ -6,7 +6,6 @@ port.py) and says in `seats.cell` which seat, and which of its claims, has the r
 """
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 from pathlib import Path
 from secrets import randbits
 
@@ -138,7 +137,8 @@ class Seat:
             self._tell(f"{self.client} has the right to command", Level.NOTE)
         elif self.client and not self._had and not self._told and now - self._asked_ns >= LAPSE_NS:
             self._told = True
-            self._tell(f"{self.client} is refused the right to command: somebody else has it", Level.WARNING)
+            why = "somebody else has it" if self._granted.number else "the controller does not run yet"
+            self._tell(f"{self.client} is refused the right to command: {why}", Level.WARNING)
         news = tuple(int(self.state[key]) for key in ("owner", "commits", "heartbeat_ns"))
         if news != self._published:  # nothing else is read: the cycle is not bothered for less
             self._published = news
@@ -151,10 +151,8 @@ def invalid(values: Mapping[str, float]) -> str:
     for name, value in values.items():
         if name not in PLACES or name in ("planner_heartbeat", "target_number"):
             return f"unknown target '{name}'; {nearest(name, PLACES)}"
-        s = HOLDING[PLACES[name]]
-        low, high = s.min if s.min is not None else -np.inf, s.max if s.max is not None else np.inf
-        if not isfinite(value) or not low <= value <= high:
-            return f"{name} = {value:g} {s.unit}: outside {low:g} … {high:g}"
+        if reason := HOLDING[PLACES[name]].wrong(value):
+            return reason
     return ""
 
 

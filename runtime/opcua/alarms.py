@@ -82,8 +82,8 @@ class Events:
         if condition.acknowledged:
             return CODES.BadConditionBranchAlreadyAcked
         condition.acknowledged = True
-        said = f": {comment}" if comment else ""
-        self._done(condition.line.key, who, f"{who} acknowledged {condition.line.text}{said}")
+        said = f" ({comment})" if comment else ""  # before the alarm's own text, whose end may be cut off
+        self._done(condition.line.key, who, f"{who} acknowledged{said}: {condition.line.text}")
         await self._show(condition)
         return CODES.Good
 

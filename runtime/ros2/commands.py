@@ -40,8 +40,7 @@ class Commands:
                     self._complaints.say(name, refused, now)
         newest: dict[int, Any] = {}
         for sample in self._reader.take(TAKEN):
-            if sample.sample_info.valid_data:
-                newest[sample.sample_info.publication_handle] = sample
+            newest[sample.sample_info.publication_handle] = sample
         for handle, sample in newest.items():
             self._take(handle, sample, now, day)
         self._seat.beat(now)

@@ -3,11 +3,9 @@
 from collections import OrderedDict
 from uuid import UUID
 
-from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
-
 from runtime.ros2.node import GRAPH, Node
-from runtime.ros2.wire import message, qos
+from runtime.ros2.reader import Reader
+from runtime.ros2.wire import qos
 
 PARTICIPANTS = 64  # whose nodes are kept; the one heard of longest ago is forgotten
 TOPIC = "ros_discovery_info"
@@ -20,19 +18,16 @@ class Graph:
     """
 
     def __init__(self, node: Node) -> None:
-        topic = Topic(node.participant, TOPIC, message(GRAPH))
-        self._reader = DataReader(
-            node.participant, topic, qos(GRAPH, PARTICIPANTS, latched=True, hashed=False)
-        )
+        quality = qos(GRAPH, PARTICIPANTS, latched=True, hashed=False)
+        self._reader = Reader(node.participant, TOPIC, GRAPH, quality)
         self._nodes: OrderedDict[bytes, dict[bytes, str]] = OrderedDict()
 
     def look(self) -> None:
         """Take what is new."""
         for told in self._reader.take(PARTICIPANTS):
-            if told.sample_info.valid_data:
-                participant = bytes(told.gid.data)
-                self._nodes[participant] = _publishers(told)
-                self._nodes.move_to_end(participant)
+            participant = bytes(told.gid.data)
+            self._nodes[participant] = _publishers(told)
+            self._nodes.move_to_end(participant)
         while len(self._nodes) > PARTICIPANTS:
             self._nodes.popitem(last=False)
 

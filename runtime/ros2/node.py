@@ -1,5 +1,6 @@
 """The DDS side: a participant that looks like a ROS 2 node, its publishers and subscriber."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from secrets import token_bytes
 from typing import Any
@@ -10,10 +11,10 @@ from cyclonedds.core import DDSException
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
-from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from runtime.ros2.loopback import confine
+from runtime.ros2.reader import Reader
 from runtime.ros2.wire import message, qos, service_topics, topic_name
 from specs.ros2 import dds_type, type_hash
 
@@ -22,6 +23,7 @@ GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 TYPE_HASH = "typehash="
 DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
 SERVICE_DEPTH = 10  # as of ROS 2's services
+PEERS = 64  # that came or went, in one look
 ALIVE = 16  # of an instance: its writer is there
 
 
@@ -34,6 +36,7 @@ class Peer:
     topic: str = ""
     type: str = ""
     told: str = ""  # its type's hash, among others
+    apart: str = ""  # why DDS may bring nothing of it: what sets its quality of service apart
     gone: bool = False
 
     def wrong(self, kind: str) -> str:
@@ -55,38 +58,35 @@ class Node:
         self.participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
         confine()
         self._writers: dict[str, Any] = {}
-        self._readers: list[Any] = []
+        self.readers: list[Reader] = []
         self._peers = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
-        self.unsent = 0
+        self.unsent = self.garbled = 0  # messages; announcements that could not be read
 
     def publisher(self, name: str, kind: str, latched: bool = False, depth: int = 1) -> None:
         """Publish on a topic from now on; `depth`: messages that wait for readers that are slow."""
         topic = Topic(self.participant, topic_name(name), message(kind))
         self._writers[name] = DataWriter(self.participant, topic, qos(kind, depth, latched))
 
-    def subscriber(self, name: str, kind: str, depth: int = DEPTH) -> Any:
+    def subscriber(self, name: str, kind: str, depth: int = DEPTH) -> Reader:
         """Subscribe to a topic: best effort, which takes what reliable publishers send, too."""
-        topic = Topic(self.participant, topic_name(name), message(kind))
-        self._readers.append(DataReader(self.participant, topic, qos(kind, depth, reliable=False)))
-        return self._readers[-1]
+        return self._reader(topic_name(name), kind, qos(kind, depth, reliable=False))
 
-    def service(self, name: str, kind: str) -> tuple[Any, Any]:
+    def _reader(self, topic: str, kind: str, quality: Qos) -> Reader:
+        self.readers.append(Reader(self.participant, topic, kind, quality))
+        return self.readers[-1]
+
+    def service(self, name: str, kind: str) -> tuple[Reader, Any]:
         """Serve `kind`, PACKAGE/srv/NAME, under a name: reader of requests and writer of replies.
 
         Clients of rmw_cyclonedds know by an id that both belong together.
         """
         asked, answered = service_topics(name)
         told = f"serviceid={'.'.join(f'{b:x}' for b in token_bytes(16))};"
-        types = f"{kind}_Request", f"{kind}_Response"
-        topics = [
-            Topic(self.participant, t, message(k)) for t, k in zip((asked, answered), types, strict=True)
-        ]
-        reader, writer = (
-            of(self.participant, topic, qos(k, SERVICE_DEPTH, hashed=False, told=told))
-            for of, topic, k in zip((DataReader, DataWriter), topics, types, strict=True)
-        )
-        self._readers.append(reader)
-        self._writers[answered] = writer
+        request, response = f"{kind}_Request", f"{kind}_Response"
+        quality = [qos(k, SERVICE_DEPTH, hashed=False, told=told) for k in (request, response)]
+        reader = self._reader(asked, request, quality[0])
+        topic = Topic(self.participant, answered, message(response))
+        self._writers[answered] = writer = DataWriter(self.participant, topic, quality[1])
         return reader, writer
 
     def publish(self, name: str, data: Any) -> None:
@@ -104,7 +104,7 @@ class Node:
         space, _, plain = self.name.rpartition("/")
         node = message("rmw_dds_common/msg/NodeEntitiesInfo")(
             node_namespace=space or "/", node_name=plain,
-            reader_gid_seq=[gid(_bytes(r)) for r in self._readers],
+            reader_gid_seq=[gid(_bytes(r.entity)) for r in self.readers],
             writer_gid_seq=[gid(_bytes(w)) for w in self._writers.values()],
         )  # fmt: skip
         told = message(GRAPH)(gid=gid(_bytes(self.participant)), node_entities_info_seq=[node])
@@ -113,15 +113,39 @@ class Node:
     def peers(self) -> list[Peer]:
         """Publishers that came or went since the last call."""
         found = []
-        for sample in self._peers.take(64):
+        for sample in self._announced():
             info = sample.sample_info
             if info.instance_state != ALIVE or not info.valid_data:
                 found.append(Peer(info.instance_handle, gone=True))
                 continue
             told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"")
             said = sample.topic_name, sample.type_name, told.decode("ascii", "replace")
-            found.append(Peer(info.instance_handle, sample.key, *said))
+            found.append(Peer(info.instance_handle, sample.key, *said, apart=_apart(sample.qos)))
         return found
+
+    def _announced(self) -> Iterator[Any]:
+        """What DDS says of publishers: each by itself, as one that cannot be read takes others with it."""
+        for _ in range(PEERS):
+            try:
+                taken = self._peers.take(1)
+            except DDSException:
+                raise
+            except Exception:  # noqa: BLE001 - text that is no UTF-8: the library raises just this
+                self.garbled += 1
+                continue
+            if not taken:
+                return
+            yield taken[0]
+
+
+def _apart(quality: Qos) -> str:
+    """What keeps the messages of a publisher from ROS 2's subscribers, as far as it shows."""
+    for policy in quality:
+        if isinstance(policy, Policy.Partition) and any(policy.partitions):
+            return f"it is in DDS's partition {', '.join(policy.partitions)}"
+        if isinstance(policy, Policy.DataRepresentation) and not policy.use_cdrv0_representation:
+            return "it sends XCDR2 only, ROS 2 has XCDR1"
+    return ""
 
 
 def _bytes(entity: Any) -> list[int]:

@@ -8,7 +8,6 @@ process, and the core's gate comes after that as after every controller.
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from math import isfinite
 from secrets import randbits
 from typing import Any
 
@@ -124,10 +123,9 @@ class PolicyCommands:
     def _take_all(self, now: int) -> None:
         newest: dict[int, tuple[int, Any]] = {}
         for sample in self._reader.take(TAKEN):
-            info = sample.sample_info
-            if info.valid_data and info.publication_handle in self._publishers:
-                count = newest.get(info.publication_handle, (0, None))[0] + 1
-                newest[info.publication_handle] = count, sample
+            handle = sample.sample_info.publication_handle
+            if handle in self._publishers:
+                newest[handle] = newest.get(handle, (0, None))[0] + 1, sample
         for handle, (count, sample) in newest.items():
             publisher = self._publishers[handle]
             if publisher.node != self._role or publisher.wrong:
@@ -163,8 +161,4 @@ class PolicyCommands:
 
 def invalid(values: dict[str, float]) -> str:
     """Why commands are refused: no number, or outside its range; "" if they are right."""
-    for s in COMMANDS:
-        value, low, high = values[s.name], s.min or 0.0, s.max or 0.0
-        if not isfinite(value) or not low <= value <= high:
-            return f"{s.name} = {value:g} {s.unit}: outside {low:g} … {high:g}"
-    return ""
+    return next((reason for s in COMMANDS if (reason := s.wrong(values[s.name]))), "")

@@ -41,6 +41,7 @@ class Live:
         from runtime.ros2.parameters import Parameter, Parameters, read
         from runtime.ros2.policy import PolicyCommands
         from runtime.ros2.services import Services
+        from runtime.ros2.unheard import Unheard
 
         folder = Path(told["folder"])
         self._view, self._news = View.join(folder), News()
@@ -60,6 +61,7 @@ class Live:
         known = {n: Parameter(v, "of this run") for n, v in told["about"].items()}
         known |= read(Path(told["bundle"])) if told["bundle"] else {}
         self._services = Services(node, Parameters(known), self._mode, self._stop, self.tell)
+        self._unheard = Unheard(node, self.tell)
         self._seen: Seen | None = None
         node.announce()
         node.publish(MODEL, messages.message("std_msgs/msg/String")(data=urdf.render()))
@@ -96,7 +98,9 @@ class Live:
             self._commands.work(peers)
         if self._policy:
             self._policy.work(peers)
-        self._services.work(peers, time.monotonic_ns())
+        now = time.monotonic_ns()
+        self._services.work(peers, now)
+        self._unheard.work(peers, now)
         seen = self._view.new()
         self._seen = seen or self._seen
         if seen:

@@ -13,6 +13,7 @@ from cyclonedds.core import DDSException
 from runtime.ros2.commands import Complaints
 from runtime.ros2.node import CONTROLLER, Node, Peer
 from runtime.ros2.parameters import Parameters
+from runtime.ros2.reader import Reader
 from runtime.ros2.wire import message, service_topics
 from specs.ros2 import dds_type
 
@@ -41,7 +42,7 @@ class Services:
             "enable": (SET_BOOL, self._refuse_enabling),
             "stop": (TRIGGER, self._end_commanding),
         }
-        self._served: list[tuple[str, Any, Any, Answer]] = []
+        self._served: list[tuple[str, Reader, Any, Answer]] = []
         self._types: dict[str, str] = {}
         for name, (kind, answer) in {**own, **parameters.services}.items():
             full = f"{CONTROLLER}/{name}"
@@ -56,8 +57,7 @@ class Services:
                 self._complaints.say(f"client {peer.key}", f"it sends {peer.type}, not {wanted}", now)
         for kind, reader, writer, answer in self._served:
             for request in reader.take(TAKEN):
-                if request.sample_info.valid_data:
-                    self._reply(kind, writer, request, answer(request))
+                self._reply(kind, writer, request, answer(request))
 
     def _reply(self, kind: str, writer: Any, request: Any, fields: dict[str, Any]) -> None:
         try:

@@ -1,10 +1,11 @@
 """ROS 2's types and qualities of service as Cyclone DDS takes them (specs/ros2.py has the fields)."""
 
+import struct
 from functools import cache
 from typing import Any
 
 from cyclonedds.core import Listener as Listener
-from cyclonedds.idl import annotations, make_idl_struct, types
+from cyclonedds.idl import IdlStruct, annotations, make_idl_struct, types
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.util import duration
 
@@ -19,6 +20,26 @@ BASES: dict[str, Any] = {
 BLOCKS = duration(milliseconds=5)  # for which a write may wait for readers that are slow
 
 
+class Unreadable:
+    """In the place of a message that cannot be read; `why` is for people."""
+
+    sample_info: Any = None  # as of a message, of which the reader sets it
+
+    def __init__(self, why: str) -> None:
+        self.why = why
+
+
+def _careful(cls: Any, *given: Any, **named: Any) -> Any:
+    """The message of some bytes, or what stands in its place: what anybody may send ends no process.
+
+    DDS looks at the bytes of a message before it brings it, but not whether its texts are UTF-8.
+    """
+    try:
+        return IdlStruct.deserialize.__func__(cls, *given, **named)  # type: ignore[attr-defined]
+    except (ValueError, LookupError, struct.error) as error:
+        return Unreadable(str(error))
+
+
 @cache
 def message(name: str) -> Any:
     """The class of a type's messages."""
@@ -30,7 +51,9 @@ def message(name: str) -> Any:
         one = BASES[base] if base in BASES else message(base)
         fields[field] = one if count is None else types.array[one, count] if count else types.sequence[one]
     plain = name.rsplit("/", 1)[1]
-    return annotations.final(make_idl_struct(plain, dds_type(name).replace("::", "."), fields))
+    made: Any = annotations.final(make_idl_struct(plain, dds_type(name).replace("::", "."), fields))
+    made.deserialize = classmethod(_careful)
+    return made
 
 
 def topic_name(name: str) -> str:

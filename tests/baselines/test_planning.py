@@ -67,6 +67,17 @@ def planned() -> Any:
     return Planner(TRUCK).legs(1)
 
 
+def test_the_path_to_a_target_at_the_start_stands_still():
+    pytest.importorskip("ompl", reason="pip install 'slewright[scenes]'")
+    pytest.importorskip("toppra", reason="pip install 'slewright[scenes]'")
+    there = replace(TRUCK, things=(), zones=(), targets=(TRUCK.start, TRUCK.targets[0]))
+    first, second = (leg.path for leg in Planner(there).legs(1))
+    assert first is not None
+    assert np.ptp(first.angles, axis=0).max() == np.abs(first.rates).max() == 0.0
+    assert second is not None
+    assert second.angles[0] == pytest.approx(first.angles[-1])
+
+
 def test_a_path_goes_from_rest_at_the_start_to_rest_at_the_target(planned: Any):
     sizes = shapes.sizes()
     for leg, target in zip(planned, TRUCK.targets, strict=True):

@@ -1,6 +1,7 @@
 """Throws: free flight, the pendulum ahead, plans that land where they should."""
 
 import math
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -74,10 +75,11 @@ def test_the_planned_path_throws_onto_the_target(beyond: float, turn: float):
 
 @pytest.mark.parametrize("away", [3.0, 25.0])
 def test_a_place_that_no_throw_reaches_is_refused_with_those_that_are(away: float):
-    low, high = span()
-    with pytest.raises(InputError, match=f"valid: {low:.1f} to {high:.1f} m"):
+    with pytest.raises(InputError, match=r"valid: [\d.]+ to [\d.]+ m") as said:
         plan(START, (away, 0.0))
-    assert high > reach() + 2.0
+    for end in re.findall(r"[\d.]+", str(said.value).partition("valid: ")[2]):
+        plan(START, (float(end), 0.0))  # what is said to be valid is
+    assert span()[1] > reach() + 2.0
 
 
 class Still:
@@ -117,4 +119,5 @@ def test_the_grab_opens_once_so_that_the_load_lands_beside_the_target(share: flo
     around = pose.grab(np.stack([angles(leaves - 0.05), angles(leaves + 0.05)]), SIZES)
     landed = flight(around.mean(axis=0), (around[1] - around[0]) / (0.1 * TICK_S)).place
     beside = math.atan2(*landed[::-1]) - math.pi / 2
-    assert abs(beside) * np.hypot(*landed) < 0.25
+    speed = float(np.hypot(*(around[1] - around[0])[:2])) / (0.1 * TICK_S)
+    assert abs(beside) * np.hypot(*landed) < 0.6 * TICK_S * speed  # half a tick: it opens in whole ones

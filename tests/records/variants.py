@@ -2,8 +2,8 @@
 
     python -m tests.records.variants --count 10000 --seed 1 [--json FILE] [--kind text]
 
-Each variant is read right or refused; one that is read with other values or times, or without a channel that
-no note mentions, is a silent error.  Exit 1 where there is one.
+Each variant is read right or refused; one that is read with other values, times, units or start, or without a
+channel that no note mentions, is a silent error.  Exit 1 where there is one.
 """
 
 import argparse
@@ -20,20 +20,25 @@ from typing import Any
 import numpy as np
 
 from records.formats import read_measurement
+from records.measurement import Measurement
 from specs.errors import InputError
-from tests.records import variants_binary, variants_lvm, variants_text
+from tests.records import variants_binary, variants_can, variants_lvm, variants_text
 from tests.records.variants_written import Written
 
 KINDS: dict[str, tuple[int, Callable[[random.Random, Path], Written]]] = {
     "text": (12, variants_text.text),
-    "asc": (2, variants_binary.asc),
-    "candump": (2, variants_binary.candump),
-    "blf": (1, variants_binary.blf),
+    "asc": (2, variants_can.asc),
+    "candump": (2, variants_can.candump),
+    "blf": (1, variants_can.blf),
     "mcap": (2, variants_binary.mcap),
+    "ros2": (1, variants_binary.ros2),
     "parquet": (2, variants_binary.parquet),
     "mf4": (1, variants_binary.mf4),
     "lvm": (1, variants_lvm.lvm),
 }
+
+
+START_S = 2e-3  # of a start: what the coarsest of the forms tells
 
 
 def judged(written: Written) -> tuple[str, str]:
@@ -44,34 +49,37 @@ def judged(written: Written) -> tuple[str, str]:
         return "refused", str(error)
     except Exception as error:  # noqa: BLE001 - whatever it is, it is no message
         return "silent", f"{type(error).__name__}: {error}"
-    notes = " ".join(found.repairs)
-    for name, (time, values) in written.channels.items():
-        if not len(values):
-            continue
-        if name not in found.channels:
-            if name in notes and "left out" in notes:
-                continue
-            return "silent", f"{name} is not there: {sorted(found.channels)}"
-        channel = found[name]
-        zero = (
-            written.first
-            if written.first is not None
-            else min(t[0] for t, v in written.channels.values() if len(v))
-        )
-        if len(channel.values) != len(values):
-            return "silent", f"{name}: {len(channel.values)} samples instead of {len(values)}"
-        if not np.allclose(channel.time, np.asarray(time) - zero, rtol=1e-9, atol=written.resolution):
-            return "silent", f"{name}: times {channel.time[:3]} instead of {np.asarray(time)[:3] - zero}"
-        exact = all(isinstance(v, int) for v in values) and "rounded to floats" not in notes
-        same = (
-            channel.values.tolist() == values
-            if exact
-            else np.allclose(channel.values.astype(float), values, rtol=1e-9, atol=1e-12)
-        )
-        if not same:
-            return "silent", f"{name}: {channel.values[:4]} instead of {values[:4]}"
+    wrong = next((why for name in written.channels if (why := wrong_in(found, written, name))), "")
+    begun = found.start and found.start.timestamp()
+    if begun is not None and written.start is not None and abs(begun - written.start) > START_S:
+        wrong = wrong or f"it starts at {found.start} instead of {written.start:.3f} s since 1970"
     extra = set(found.channels) - set(written.channels) - set(written.may)
-    return ("silent", f"{sorted(extra)} was not written") if extra else ("right", "")
+    wrong = wrong or (f"{sorted(extra)} was not written" if extra else "")
+    return ("silent", wrong) if wrong else ("right", "")
+
+
+def wrong_in(found: Measurement, written: Written, name: str) -> str:
+    """What is wrong in a channel; "" for nothing."""
+    notes, (time, values) = " ".join(found.repairs), written.channels[name]
+    if not len(values) or (name not in found.channels and name in notes and "left out" in notes):
+        return ""
+    if name not in found.channels:
+        return f"{name} is not there: {sorted(found.channels)}"
+    channel, zero = found[name], written.first
+    if zero is None:
+        zero = min(t[0] for t, v in written.channels.values() if len(v))
+    if len(channel.values) != len(values):
+        return f"{name}: {len(channel.values)} samples instead of {len(values)}"
+    if not np.allclose(channel.time, np.asarray(time) - zero, rtol=1e-9, atol=written.resolution):
+        return f"{name}: times {channel.time[:3]} instead of {np.asarray(time)[:3] - zero}"
+    if channel.unit != written.units.get(name, channel.unit):
+        return f"{name}: in '{channel.unit}' instead of '{written.units[name]}'"
+    exact = all(isinstance(v, int) for v in values) and "rounded to floats" not in notes
+    held = channel.values.tolist()
+    same = (
+        held == values if exact else np.allclose(channel.values.astype(float), values, rtol=1e-9, atol=1e-12)
+    )
+    return "" if same else f"{name}: {held[:4]} instead of {values[:4]}"
 
 
 def run(count: int, seed: int, kind: str | None = None) -> dict[str, Any]:

@@ -1,8 +1,7 @@
-"""CAN logs, MCAP, Parquet and MDF4 as other tools write them."""
+"""MCAP, bags of ROS 2, Parquet and MDF4 as other tools write them."""
 
 import json
 import random
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -10,121 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tests.records.variants_written import Written
-
-DBC = """VERSION ""
-NS_ :
-BS_:
-BU_: A
-BO_ 256 Press: 8 A
- SG_ p : 0|16@1+ (0.1,0) [0|6553.5] "bar" A
- SG_ s : 16|16@1- (0.01,0) [-327|327] "deg" A
- SG_ n : 32|32@1+ (1,0) [0|0] "" A
-VAL_ 256 p 65535 "SNA" 65534 "Error" ;
-"""
-Rows = list[tuple[float, bytes]]
-
-
-def press(r: random.Random, folder: Path) -> tuple[Rows, dict[str, tuple[list[float], list[float]]], Path]:
-    """Frames of a message, some short, some with codes, and what they mean."""
-    dbc = folder / "v.dbc"
-    dbc.write_text(DBC)
-    rows: Rows = []
-    channels: dict[str, tuple[list[float], list[float]]] = {"p": ([], []), "s": ([], []), "n": ([], [])}
-    for k in range(r.randint(2, 30)):
-        time, length = round(0.02 * k, 6), r.choice([8, 8, 8, 8, 4, 2, 3])
-        p = r.choice([r.randint(0, 65000), r.randint(0, 65000), 65535, 65534])
-        s, n = r.randint(-32000, 32000), r.randint(0, 2**32 - 1)
-        rows.append((time, struct.pack("<HhI", p, s, n)[:length]))
-        for name, value, needs, good in (
-            ("p", p * 0.1, 2, p < 65534),
-            ("s", s * 0.01, 4, True),
-            ("n", n, 8, True),
-        ):
-            if length >= needs and good:
-                channels[name][0].append(time)
-                channels[name][1].append(value)
-    return rows, channels, dbc
-
-
-def _first(channels: dict[str, tuple[list[float], list[float]]]) -> float:
-    return min((t[0] for t, _ in channels.values() if t), default=0.0)
-
-
-def asc(r: random.Random, folder: Path) -> Written:
-    """An ASC log with other lines among its frames."""
-    rows, channels, dbc = press(r, folder)
-    base = r.choice(["hex", "dec"])
-    lines = [
-        r.choice(["date Thu Mar 26 10:00:00.000 am 2026", "date Do M\u00e4r 26 10:00:00.000 2026"]),
-        f"base {base}  timestamps absolute",
-    ]
-    lines += r.choice([[], ["internal events logged"], ["no internal events logged"], ["// version 8.2.0"]])
-    block = r.random() < 0.5
-    lines += ["Begin Triggerblock Thu Mar 26 10:00:00.000 am 2026"] if block else []
-    mark = r.choice("...,")
-    for time, data in rows:
-        shown = f"{time:11.6f}".replace(".", mark)
-        name = r.choice(["100" if base == "hex" else "256", "Press"])
-        parts = " ".join(f"{b:02X}" if base == "hex" else str(b) for b in data)
-        lines.append(f"{shown} 1  {name:<15} {r.choice(['Rx', 'Tx'])}   d {len(data)} {parts}")
-        if r.random() < 0.1:
-            lines.append(
-                f"{shown} "
-                + r.choice(
-                    [
-                        "1  ErrorFrame",
-                        "1  Statistic: D 3 R 0",
-                        "1  100  Rx   r 8",
-                        "CAN 1 Status:chip",
-                        "junk",
-                    ]
-                )
-            )
-    lines += ["End TriggerBlock"] if block else []
-    path = folder / "v.asc"
-    path.write_bytes(
-        r.choice(["\n", "\r\n"]).join([*lines, ""]).encode(r.choice(["utf-8", "cp1252", "utf-16"]))
-    )
-    return Written(path, channels, {"dbc": dbc}, (), _first(channels), 1e-9, "\n".join(lines)[:600])
-
-
-def candump(r: random.Random, folder: Path) -> Written:
-    """A log of candump in its forms."""
-    rows, channels, dbc = press(r, folder)
-    form, zero = r.choice(["l", "a", "b"]), r.choice([0, 1_774_000_000])
-    lines = []
-    for time, data in rows:
-        stamp = f"({zero + int(time)}.{round(time % 1 * 1e6):06d})"
-        shown = {"l": f"{stamp} can0 100#{data.hex().upper()}", "a": f" {stamp}  can0  100   "
-            f"[{len(data)}]  {data.hex(' ').upper()}",
-                 "b": f"{stamp} can0 100#{data.hex().upper()} R"}[form]  # fmt: skip
-        lines.append(shown)
-        if r.random() < 0.05:
-            lines.append(f"{stamp} can0 300#00")
-    path = folder / r.choice(["v.log", "v.candump"])
-    path.write_text("\n".join([*lines, ""]))
-    return Written(path, channels, {"dbc": dbc}, (), _first(channels), 1e-9, "\n".join(lines)[:600])
-
-
-def blf(r: random.Random, folder: Path) -> Written:
-    """A BLF log."""
-    import can
-
-    rows, channels, dbc = press(r, folder)
-    path = folder / "v.blf"
-    with can.BLFWriter(path, channel=1) as writer:
-        writer.start_timestamp = 0.0
-        for time, data in rows:
-            writer.on_message_received(
-                can.Message(timestamp=time, arbitration_id=256, is_extended_id=False, data=data)
-            )
-            if r.random() < 0.05:
-                remote = can.Message(
-                    timestamp=time, arbitration_id=256, is_extended_id=False, is_remote_frame=True, dlc=8
-                )
-                writer.on_message_received(remote)
-    return Written(path, channels, {"dbc": dbc}, (), _first(channels), 2e-8)
+from tests.records.variants_written import Written, first_of
 
 
 def mcap(r: random.Random, folder: Path) -> Written:
@@ -173,6 +58,30 @@ def _same(written: dict[str, tuple[list[float], list[float]]]) -> dict[str, tupl
     return {}
 
 
+def ros2(r: random.Random, folder: Path) -> Written:
+    """Joint states of publishers that name their joints in any order."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, kind, places = get_typestore(Stores.ROS2_HUMBLE), "sensor_msgs/msg/JointState", dict[str, int]()
+    path, channels = folder / f"b{r.getrandbits(40)}", dict[str, tuple[list[float], list[float]]]()
+    header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), "base")
+    with Writer(path, version=9, storage_plugin=r.choice(list(StoragePlugin))) as bag:
+        topic = bag.add_connection("/j", kind, typestore=store)
+        for k in range(r.randint(2, 12)):
+            names = r.sample("abc", r.randint(1, 3))
+            held = [r.uniform(-1, 1) for _ in names]
+            one = store.types[kind](header, names, np.array(held), np.zeros(0), np.zeros(0))
+            bag.write(topic, 10**18 + 20_000_000 * k, store.serialize_cdr(one, kind))
+            for name, value in zip(names, held, strict=True):
+                times, values = channels.setdefault(
+                    f"j.position[{places.setdefault(name, len(places))}]", ([], [])
+                )
+                times.append(0.02 * k)
+                values.append(value)
+    return Written(path, channels if len(channels) > 1 else {}, {}, ("j",), 0.0, 1e-9, start=1e9)
+
+
 def parquet(r: random.Random, folder: Path) -> Written:
     """A table of another tool."""
     rows, step = r.randint(2, 40), r.choice([20, 100, 1000])
@@ -194,19 +103,20 @@ def parquet(r: random.Random, folder: Path) -> Written:
         kind = r.choice(
             [pa.float64(), pa.float32(), pa.int32(), pa.int64(), pa.uint64(), pa.uint8(), pa.bool_()]
         )
-        whole = [r.randint(0, 1) if kind == pa.bool_() else r.randint(0, 200) for _ in range(rows)]
+        top = r.choice([200, 200, {pa.int64(): 2**63 - 1, pa.uint64(): 2**64 - 1}.get(kind, 200)])
+        whole = [r.randint(0, 1) if kind == pa.bool_() else r.randint(0, top) for _ in range(rows)]
         held = [None if r.random() < 0.1 else bool(v) if kind == pa.bool_() else v for v in whole]
         label = r.choice(["p", "x(t)", "arr[1]", "q (L)"]) + str(k)
         table[label] = pa.array(held, kind)
         there = [i for i in keep if held[i] is not None]
         channels[label] = (
             [float(ms[i] - ms[keep[0]]) / 1000 for i in there],
-            [float(held[i] or 0) for i in there],
+            [int(held[i] or 0) if top > 200 else float(held[i] or 0) for i in there],
         )
     path = folder / "v.parquet"
     pq.write_table(pa.table(table), path)
     return Written(
-        path, channels, {}, (), _first(channels), 1e-9, str({k: str(v.type) for k, v in table.items()})
+        path, channels, {}, (), first_of(channels), 1e-9, str({k: str(v.type) for k, v in table.items()})
     )
 
 
@@ -220,18 +130,32 @@ def mf4(r: random.Random, folder: Path) -> Written:
     for k in range(r.randint(1, 3)):
         raw = np.array([r.choice([r.randint(0, 250), 255]) for _ in range(rows)], dtype=np.uint8)
         a, b = r.choice([0.1, 1.0, 2.5]), r.choice([0.0, 10.0])
-        rule: Any = r.choice(
-            [None, {"a": a, "b": b}, {"val_0": 255, "text_0": "SNA", "default_addr": {"a": a, "b": b}}]
+        wide = r.choice([False, False, True])
+        if wide:
+            raw, a, b = (
+                raw.astype(np.uint64) * np.uint64(2**52 + 1),
+                r.choice([1.0, 3.0]),
+                r.choice([0.0, 10.0]),
+            )
+        rule: Any = (
+            r.choice([None, {"a": a, "b": b}])
+            if wide
+            else r.choice(
+                [None, {"a": a, "b": b}, {"val_0": 255, "text_0": "SNA", "default_addr": {"a": a, "b": b}}]
+            )
         )
         good = raw < 255 if rule and "val_0" in rule else np.ones(rows, dtype=bool)
         scaled = raw * a + b if rule else raw.astype(float)
         signals.append(Signal(raw, time * (1000 if unit == "ms" else 1), name=f"p{k}", conversion=rule))
         channels[f"p{k}"] = (time[good].tolist(), scaled[good].tolist())
+        if wide:
+            exact = [int(v) * int(a if rule else 1) + int(b if rule else 0) for v in raw]
+            channels[f"p{k}"] = (time.tolist(), exact)
     path = folder / "v.mf4"
     with MDF(version="4.10") as file:
         file.append(signals, common_timebase=True)
         file.groups[0].channels[0].unit = unit
         file.save(path, overwrite=True)
     return Written(
-        path, channels, {}, (), _first(channels), 1e-9, f"{unit} {[s.conversion for s in signals]}"
+        path, channels, {}, (), first_of(channels), 1e-9, f"{unit} {[s.conversion for s in signals]}"
     )

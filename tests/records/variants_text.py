@@ -3,7 +3,7 @@ units, clocks, words.
 """
 
 import random
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from pathlib import Path
 
@@ -25,7 +25,8 @@ PREAMBLES = (
 NOTES = ("ok", '2" hose', "a, b", "x;y", "start", "5 bar", "stop\ttab", "7", "1,5")
 CLOCKS = (
     "s", "ms", "us", "bare", "epoch_s", "epoch_ms", "epoch_ns", "iso", "iso_z", "iso_comma", "german",
-    "slash", "of_day", "excel", "day_and_time", "half", "half_of_day", "day_and_half",
+    "slash", "of_day", "excel", "day_and_time", "half", "half_of_day", "day_and_half", "matlab", "julian",
+    "labview", "hhmmss", "fourteen", "basic", "month", "zone", "lasting", "day_slash_and_time",
 )  # fmt: skip
 FORMS = {
     "iso": "%Y-%m-%d %H:%M:%S",
@@ -34,7 +35,18 @@ FORMS = {
     "german": "%d.%m.%Y %H:%M:%S",
     "slash": "%d/%m/%Y %H:%M:%S",
     "of_day": "%H:%M:%S",
+    "hhmmss": "%H%M%S",
+    "fourteen": "%Y%m%d%H%M%S",
+    "basic": "%Y%m%dT%H%M%S",
+    "month": "%d-%b-%Y %H:%M:%S",
+    "zone": "%Y-%m-%d %H:%M:%S",
 }
+DAYS = {"excel": 25_569, "matlab": 719_529, "julian": Decimal("2440587.5")}  # at 1970
+EPOCH = {"epoch_s": 1, "epoch_ms": 1000, "epoch_ns": 1_000_000_000}
+SINCE = 1_774_000_000  # s since 1970
+WITHOUT_DATE = ("s", "ms", "us", "bare", "of_day", "half_of_day", "hhmmss", "lasting")
+STATED = {"slash": "time [dd/mm/yyyy]", "day_slash_and_time": "Date [dd/mm/yyyy]", "hhmmss": "time [hhmmss]",
+          **{k: f"time [{k}]" for k in DAYS}}  # fmt: skip
 HALVES = ("AM", "PM"), ("am", "pm"), ("a.m.", "p.m."), ("A", "P"), ("\u202fAM", "\u202fPM")
 WIDE = 2**62
 ZERO = datetime(2026, 3, 29, 1, 59, 59, 900_000)
@@ -58,6 +70,28 @@ def number(r: random.Random, value: Decimal, decimal: str, group: str, places: i
     return sign + whole + (decimal + rest if rest else "")
 
 
+def number_cells(
+    kind: str, times: list[Decimal], decimal: str, group: str
+) -> tuple[str, str, list[list[str]]] | None:
+    """Name, unit and cells of a clock in numbers; None for one of dates."""
+    per = {"s": 1, "ms": 1000, "us": 1_000_000}
+    if kind in per:
+        places = {"s": 3, "ms": 0, "us": 0}[kind]
+        cells = [[number(random.Random(0), t * per[kind], decimal, group, places, "")] for t in times]
+        return "time", kind, cells
+    if kind in EPOCH:
+        places = 3 if kind == "epoch_s" else 0
+        shown = [f"{(t + SINCE) * EPOCH[kind]:.{places}f}" for t in times]
+        return "timestamp", "", [[c.replace(".", decimal)] for c in shown]
+    if kind == "labview":
+        return "time", "", [[f"{t + SINCE + 2_082_844_800:.3f}".replace(".", decimal)] for t in times]
+    if kind in DAYS:
+        return "time", "", [[f"{(t + SINCE) / 86400 + DAYS[kind]:.12f}".replace(".", decimal)] for t in times]
+    if kind == "lasting":
+        return "time", "", [[f"1 days {26 + t // 3600}:{t // 60 % 60:02.0f}:{t % 60:09.6f}"] for t in times]
+    return ("t", "", [[f"{t:.3f}".replace(".", decimal)] for t in times]) if kind == "bare" else None
+
+
 def clock_cells(
     kind: str, times: list[Decimal], decimal: str, group: str
 ) -> tuple[str, str, list[list[str]]]:
@@ -65,20 +99,8 @@ def clock_cells(
     noon = timedelta(hours=10) if "half" in kind else timedelta()
     stamps = [ZERO + noon + timedelta(microseconds=int(t * 1_000_000)) for t in times]
     dot = lambda d, form: d.strftime(form) + f".{d.microsecond:06d}"[: 4 if not d.microsecond % 1000 else 7]  # noqa: E731
-    per = {"s": 1, "ms": 1000, "us": 1_000_000}
-    if kind in per:
-        places = {"s": 3, "ms": 0, "us": 0}[kind]
-        cells = [[number(random.Random(0), t * per[kind], decimal, group, places, "")] for t in times]
-        return "time", kind, cells
-    epoch = {"epoch_s": 1, "epoch_ms": 1000, "epoch_ns": 1_000_000_000}
-    if kind in epoch:
-        places = 3 if kind == "epoch_s" else 0
-        shown = [f"{(t + 1_774_000_000) * epoch[kind]:.{places}f}" for t in times]
-        return "timestamp", "", [[c.replace(".", decimal)] for c in shown]
-    if kind == "excel":
-        return "time", "", [[f"{46110 + t / 86400:.12f}".replace(".", decimal)] for t in times]
-    if kind == "bare":
-        return "t", "", [[f"{t:.3f}".replace(".", decimal)] for t in times]
+    if numbers := number_cells(kind, times, decimal, group):
+        return numbers
     if "half" in kind:
         forms = random.Random(str(times)).choice(HALVES)
         clocks = [dot(d, "%I:%M:%S").removeprefix("0") + " " + forms[d.hour >= 12] for d in stamps]
@@ -86,9 +108,12 @@ def clock_cells(
             return "Date", "", [[d.strftime("%Y-%m-%d"), c] for d, c in zip(stamps, clocks, strict=True)]
         days = [d.strftime("%Y-%m-%d ") if kind == "half" else "" for d in stamps]
         return "time", "", [[d + c] for d, c in zip(days, clocks, strict=True)]
-    if kind == "day_and_time":
-        return "Date", "", [[d.strftime("%Y-%m-%d"), dot(d, "%H:%M:%S")] for d in stamps]
-    cells = [dot(d, FORMS[kind]) + ("Z" if kind == "iso_z" else "") for d in stamps]
+    if kind in ("day_and_time", "day_slash_and_time"):
+        day = "%d/%m/%Y" if "slash" in kind else "%Y-%m-%d"
+        return "Date", "", [[d.strftime(day), dot(d, "%H:%M:%S")] for d in stamps]
+    cells = [dot(d, FORMS[kind]) + {"iso_z": "Z", "zone": "+00"}.get(kind, "") for d in stamps]
+    if kind in ("hhmmss", "fourteen"):
+        return "time", "", [[c.replace(".", decimal)] for c in cells]
     if kind == "german":
         return "time", "", [[c[:10] + c[10:].replace(".", decimal)] for c in cells]
     return "time", "", [[c.replace(".", ",") if kind == "iso_comma" else c] for c in cells]
@@ -97,6 +122,8 @@ def clock_cells(
 def quoted(r: random.Random, cell: str, delimiter: str, style: str) -> str:
     """A cell with quotes where the style or its content wants them."""
     needs = delimiter in cell or '"' in cell or "\n" in cell
+    if style == "blanks" and delimiter != "\t":  # that no reader may take for a part of the cell
+        return ' "' + cell.replace('"', '""') + '"' if needs else " " + cell
     return '"' + cell.replace('"', '""') + '"' if style == "all" or needs else cell
 
 
@@ -110,19 +137,22 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
     times = [begin + step * k for k in range(rows)]
     if r.random() < 0.2:
         times = [t + Decimal("980") for t in times]
-    kind, style = r.choice(CLOCKS), r.choice(["min", "min", "all"])
+    kind, style = r.choice(CLOCKS), r.choice(["min", "min", "all", "blanks"])
     name, unit, clock = clock_cells(kind, times, decimal, group)
-    names, heads, cells = [], [], [list(c) for c in clock]
+    names, heads, cells, wraps = [], [], [list(c) for c in clock], False
     units_in = r.choice(["head", "head", "row", "none"])
     head_units = [unit] + [""] * (len(clock[0]) - 1)
     heads += [name, "Time"][: len(clock[0])]
     channels: dict[str, tuple[list[float], list[float]]] = {}
+    units: dict[str, str] = {}
     for k in range(r.randint(1, 4)):
         own = r.choice(["p", "Druck", "p(A)", "x(t)", "v/m", "arr[3]", "T", "q"]) + str(k) * r.randint(0, 1)
+        own = r.choice([own] * 8 + [f"v [{k + 2}]"])
         if own in names:
             continue
         names.append(own)
-        spelled, _ = r.choice(UNITS)
+        spelled, unit_here = r.choice(UNITS)
+        units[own] = "" if units_in == "none" else unit_here
         places, size = r.choice([0, 0, 1, 2, 3, 6]), r.choice([1, 10, 1000, 2000, 1_000_000])
         form, missing = r.choice(["", "", "sci", "minus", "plus", "short"]), r.choice(MISSING)
         holes = r.choice([0, 0, 0, 0.2])
@@ -153,6 +183,15 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
         for row in cells:
             row.append(r.choice(NOTES))
     trailing = r.random() < 0.1
+    if r.random() < 0.2:  # the clock is not the first column
+        for row in (heads, head_units, *cells):
+            row[:] = [*row[len(clock[0]) :], *row[: len(clock[0])]]
+    if r.random() < 0.05 and rows > 2:
+        cells.reverse()  # newest first
+    elif r.random() < 0.05 and rows > 2:  # a clock that wraps, whose rows fit: to be refused
+        at = r.randrange(1, rows)
+        cells[:] = cells[at:] + cells[:at]
+        wraps = at < rows - 1
     if r.random() < 0.1:
         heads.insert(0, "")
         head_units.insert(0, "")
@@ -196,15 +235,21 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
             stated |= {"decimal": decimal, "thousands": group or "none"}
         if unit == "unstated":
             stated["clock"] = f"{name} [{kind}]"
-        if kind == "excel":
-            stated["clock"] = "time [excel]"
-        if kind == "slash":
-            stated["clock"] = "time [dd/mm/yyyy]"
+        if kind in STATED:
+            stated["clock"] = STATED[kind]
         if r.random() < 0.3:
             stated["encoding"] = encoding
     if stated:
         options["text"] = TextOptions(**stated)
     starts = [t[0] for t, v in channels.values() if v]
-    resolution = 2e-6 if kind == "excel" else 2e-9
+    resolution = {"excel": 2e-6, "matlab": 2e-5, "julian": 1e-4}.get(kind, 2e-9)
+    first = min(starts) if starts else 0.0
+    begins = None if kind in WITHOUT_DATE else float(times[0]) + first + (
+        SINCE if kind in DAYS or kind in EPOCH or kind == "labview" else ZERO.replace(tzinfo=UTC).timestamp()
+    )  # fmt: skip
+    if begins and "half" in kind:
+        begins += 36_000.0
+    if wraps:  # no time is right
+        channels = {name: ([t - 1e9 for t in held], values) for name, (held, values) in channels.items()}
     how = f"{kind} {decimal!r} {group!r} {delimiter!r} {style} {encoding} {stated}: {body[:300]!r}"
-    return Written(path, channels, options, ("Time", "note"), min(starts) if starts else 0.0, resolution, how)
+    return Written(path, channels, options, ("Time", "note"), first, resolution, how, units, begins)

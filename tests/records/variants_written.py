@@ -16,3 +16,10 @@ class Written:
     first: float | None = None  # the time at 0 s, if it is not the first sample's
     resolution: float = 2e-9  # s
     how: str = ""
+    units: dict[str, str] = field(default_factory=dict)  # of channels, where they are known
+    start: float | None = None  # s since 1970 at 0 s, where the file says it
+
+
+def first_of(channels: dict[str, tuple[list[float], list[float]]]) -> float:
+    """The time of the first sample of all channels."""
+    return min((t[0] for t, _ in channels.values() if t), default=0.0)

@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from runtime.configuration import Can, Configuration, Modbus
+from runtime.configuration import Can, Configuration, Modbus, Ros2
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
 from runtime.recorder.replay import bundle_of, identity
@@ -128,3 +128,21 @@ def test_run_says_which_networks_and_who_may_write(host: str, said: str):
         "from whoever sends them on CAN bus bus"
         in who_may_write(cast(Supervisor, SimpleNamespace(wanted=wanted)))[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("ros2", "said"),
+    [
+        (Ros2(), "may look, nobody may command"),
+        (Ros2(commands=True), "may command"),
+        (Ros2(policy="/a/b"), "may look, a node that is named /a/b may command arm and slew"),
+        (
+            Ros2(commands=True, policy="/b"),
+            "may send targets, a node that is named /b may command arm and slew",
+        ),
+    ],
+)
+def test_run_says_who_may_command_over_ros2(ros2: Ros2, said: str):
+    wanted = Configuration(can=Can(interface="slewright", channel="bus"), bundle=Path("b"), ros2=ros2)
+    line = who_may_write(cast(Supervisor, SimpleNamespace(wanted=wanted)))[0]
+    assert line == f"ROS 2: domain 0 of this computer only; whoever is on it {said}"

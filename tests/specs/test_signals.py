@@ -1,5 +1,6 @@
 """The signal definition: complete places, no overlap, and a clear word about every mistake in it."""
 
+import math
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from pathlib import Path
@@ -163,3 +164,17 @@ def test_mistakes_are_named_with_file_and_key(mistake: str, edited: Edit) -> Non
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nothing\.toml: cannot be read"):
         definition(tmp_path / "nothing.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("policy_u_slew", 1.0, ""),
+        ("policy_u_slew", 1.25, "policy_u_slew = 1.25: outside -1 … 1"),
+        ("target_x", math.nan, "target_x = nan m: outside -25 … 25"),
+        ("target_x", -math.inf, "target_x = -inf m: outside -25 … 25"),
+        ("policy_heartbeat", 251, "policy_heartbeat = 251: outside 0 … 250"),
+    ],
+)
+def test_a_value_that_cannot_be_a_signals_is_named(name: str, value: float, said: str):
+    assert signal(name).wrong(value) == said

@@ -204,15 +204,20 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def guarded(alone: Mapping[str, Any], behind: Mapping[str, Any]) -> dict[str, Any]:
-    """What the guard did to a controller's figures: summaries of the same runs without and with it."""
+    """What the guard did to a controller's figures: summaries of the same runs without and with it.
+
+    No share (None) of a speed or a time that is 0 without it: of targets straight ahead, or at the start.
+    """
     if not alone["runs"]:
         return {}
     return {
         "guarded": {name: value for name, value in behind.items() if name != "families"},
         "contacts_guarded": behind["contacts"],
         "interventions": behind["interventions"],
-        "speed_guarded": behind["speed"] / alone["speed"],
-        "cycle_guarded": behind["cycle"] / alone["cycle"],
+        **{
+            f"{name}_guarded": behind[name] / alone[name] if alone[name] else None
+            for name in ("speed", "cycle")
+        },
     }
 
 

@@ -5,18 +5,23 @@ from typing import Any
 
 import numpy as np
 
-from baselines.planning.planner import pose_of
-from baselines.throwing.plan import plan, reach
+from baselines.throwing.plan import inside, reach, span
+from specs.errors import InputError
 from specs.progress import Report
-from verification.throws.run import START, Case, run
+from verification.throws.run import Case, run
 
 MEDIAN_M, P95_M = 0.5, 1.0  # limits of the landing error
 
 
 def check(beyond: Sequence[float]) -> None:
     """Raise InputError for a distance to which no throw goes."""
+    low, high = (end - reach() for end in span())
     for distance in beyond:
-        plan(pose_of(START), (reach() + distance, 0.0))
+        if not low <= distance <= high:
+            raise InputError(
+                f"no throw lands {distance:g} m beyond reach ({reach():.2f} m); "
+                f"valid: {inside((low, high))} m"
+            )
 
 
 def study(
@@ -24,13 +29,16 @@ def study(
 ) -> dict[str, Any]:
     """The figures of each distance, every row, and `failures`: sentences about the limits that are missed.
 
-    After an interrupt the throws that were done count.
+    After an interrupt those of the throws that were done, and `interrupted`.
     """
     cases = [Case(distance, name, drawn, seed) for name, drawn in machines.items() for distance in beyond]
     rows = _done(cases, report)
     thrown = {f"{d:g}": [row for row in rows if row["beyond"] == d] for d in beyond}
     by_distance = {distance: summary(of) for distance, of in thrown.items() if of}
-    return {"reach": reach(), "by_distance_m": by_distance, "failures": failures(by_distance), "rows": rows}
+    return {
+        "reach": reach(), "by_distance_m": by_distance, "failures": failures(by_distance),
+        "interrupted": len(rows) < len(cases), "rows": rows,
+    }  # fmt: skip
 
 
 def _done(cases: Sequence[Case], report: Report) -> list[dict[str, Any]]:

@@ -15,15 +15,23 @@ import pyarrow.compute as pc
 
 from records.formats.metadata import at_ns
 from records.formats.text.columns import array
-from records.formats.text.dates import NONE, Dates
+from records.formats.text.dates import FOURTEEN, NONE, Dates, written_as_date
 from records.formats.text.marks import Marks
 from records.formats.text.words import MISSING, NOT_A_NUMBER, is_number
 from records.formats.units import PER_SECOND, seconds, spelled
 from specs.errors import InputError
 
-FORMS = {"dd/mm/yyyy": "dmy", "mm/dd/yyyy": "mdy", "yyyymmdd": "ymd", "excel": "excel"}
-YEAR_2001, YEAR_2100 = 978_307_200, 4_102_444_800  # s since 1970
-DAYS_1900 = 25_569  # of a spreadsheet at 1970
+FORMS = {"dd/mm/yyyy": "dmy", "mm/dd/yyyy": "mdy", "yyyymmdd": "ymd", "hhmmss": "hms"}
+YEAR_2001 = 978_307_200  # s since 1970
+YEAR_2065 = 3_000_000_000  # s since 1970: what LabVIEW writes now, counting from 1904, is beyond it
+DAYS = {  # what counts days: its number of 1970, and what it is called
+    "excel": (25_569.0, "days as spreadsheets count them"),
+    "matlab": (719_529.0, "days as MATLAB counts them"),
+    "julian": (2_440_587.5, "Julian days"),
+}
+MOST_DAYS = 700_000  # from 1970 to the ends of a calendar
+CENTURY = 10_958, 47_482  # days since 1970 in which recordings begin: 2000 to 2100
+EIGHT = r"(19|20)\d\d[01]\d[0-3]\d"  # a day as one number
 SLOWEST = 3600.0  # s between rows: more is no recording with times since 1970
 
 
@@ -43,7 +51,7 @@ class Clock:
     dates: Dates = field(init=False)
 
     def __post_init__(self) -> None:
-        self.dates = Dates(self.where, {"dmy": "dmy", "mdy": "mdy"}.get(FORMS.get(self.unit, ""), ""))
+        self.dates = Dates(self.where, FORMS.get(self.unit, ""))
 
     def add(self, column: pa.ChunkedArray | pa.Array, numbers: Sequence[int]) -> None:
         """Add cells; raises InputError with the line of one that is no time."""
@@ -69,8 +77,12 @@ class Clock:
         self.filled += len(part)
 
     def _kind(self, cell: str) -> str:
-        eight = self.says_date and not self.unit and re.fullmatch(r"(19|20)\d\d[01]\d[0-3]\d", cell)
-        if eight or FORMS.get(self.unit) == "ymd":
+        eight = self.says_date and not self.unit and re.fullmatch(EIGHT, cell)
+        if (
+            eight
+            or FORMS.get(self.unit) in ("ymd", "hms")
+            or (not self.unit and re.fullmatch(FOURTEEN, cell))
+        ):
             return "date"
         if self.marks.plain(cell) is None and is_number(cell):
             raise InputError(
@@ -153,8 +165,11 @@ class Clock:
         first = float(self.first or 0)
         steps = np.diff(found[:10_000][np.isfinite(found[:10_000])])
         step = float(np.median(np.abs(steps))) if len(steps) else 0.0
-        if self.unit == "excel":
-            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - DAYS_1900)
+        if self.unit in DAYS:
+            zero, called = DAYS[self.unit]
+            if not abs(first - zero) < MOST_DAYS:
+                raise InputError(f"{self.where}: {self.first} is no number of {called}")
+            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - zero)
             notes.append("the times state no time zone: taken as UTC")
             return found * 86_400.0, start, 0.0
         if self.unit in FORMS:
@@ -162,7 +177,7 @@ class Clock:
         unit = spelled(self.unit) if self.unit else ""
         per = PER_SECOND.get(unit, 0)
         if unit in PER_SECOND:
-            if YEAR_2001 * per < first < YEAR_2100 * per:
+            if YEAR_2001 * per < first < YEAR_2065 * per:
                 notes.append(f"the times count {unit} since 1970: the recording starts at that time of day")
                 return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
         elif not unit:
@@ -174,7 +189,7 @@ class Clock:
         self, found: np.ndarray, first: float, step: float, notes: list[str]
     ) -> tuple[np.ndarray, datetime | None, float]:
         for unit, per in PER_SECOND.items():
-            if YEAR_2001 * per < first < YEAR_2100 * per:
+            if YEAR_2001 * per < first < YEAR_2065 * per:
                 if step / per > SLOWEST:
                     break
                 notes.append(f"the time states no unit: taken as {unit} since 1970, which its size says")
@@ -184,10 +199,16 @@ class Clock:
                 f"{self.where}: times such as {self.first} state no unit; --clock 'NAME [us]' says it "
                 f"({', '.join(PER_SECOND)})"
             )
-        if DAYS_1900 < first < 73_050 and 0 < step < 2e-3:
+        kind = next((k for k, (zero, _) in DAYS.items() if CENTURY[0] < first - zero < CENTURY[1]), "")
+        if kind and 0 < step < 2e-3:
             raise InputError(
-                f"{self.where}: times such as {self.first} may be s, or days as spreadsheets count them; "
-                "--clock 'NAME [excel]' or 'NAME [s]' says which"
+                f"{self.where}: times such as {self.first} may be s, or {DAYS[kind][1]}; "
+                f"--clock 'NAME [{kind}]' or 'NAME [s]' says which"
+            )
+        if form := written_as_date(found, first):
+            raise InputError(
+                f"{self.where}: times such as {self.first} may be s, or all be {form}; --clock 'NAME "
+                f"[{form}]' or 'NAME [s]' says which"
             )
         notes.append("the time states no unit: taken as s")
         return found, None, first

@@ -9,13 +9,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from records.formats.exact import EXACT, ROUNDED
 from records.formats.raw import RawColumn
 from records.formats.tables import Heading
 from records.formats.text.marks import Marks
 from records.formats.text.words import FLAGS, GROUPERS, MINUS, MISSING, NOT_A_NUMBER, is_date, is_number
 from specs.errors import InputError
-
-EXACT = 2.0**53  # from here on a float skips whole numbers
 
 
 def array(column: pa.Array | pa.ChunkedArray) -> np.ndarray:
@@ -160,7 +159,7 @@ class Column:
             broken = np.isnan(self.values[:rows])
             return RawColumn(name, self.head.unit, self.whole, "", absent, broken, self.head.text)
         if self.wide:
-            notes.append(f"{name}: numbers beyond 2^53 are rounded to floats")
+            notes.append(f"{name}: {ROUNDED}")
         return RawColumn(name, self.head.unit, self.values[:rows], "", absent, None, self.head.text)
 
     def _is_text(self, words: int) -> bool:

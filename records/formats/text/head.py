@@ -27,16 +27,10 @@ def head_of(source: Source, skip: int) -> list[Line]:
 
 
 def _joined_quotes(lines: list[Line]) -> list[Line]:
-    """Lines with a cell in quotes that goes over their end joined, within the first ones: a header may."""
+    """Lines with a cell in quotes that goes over their end joined."""
     found: list[Line] = []
     for line in lines:
-        if (
-            found
-            and len(found) <= 5
-            and found[-1].text.count('"') % 2
-            and line.text.count('"') % 2
-            and not found[-1].text[:1].isdigit()
-        ):
+        if found and found[-1].text.count('"') % 2 and line.text.count('"') % 2:
             found[-1].text += " " + line.text
             continue
         found.append(Line(line.number, line.text))

@@ -1,8 +1,9 @@
 """Names and units in the heading of a column, and which columns may be the clock.
 
-A unit stands in square brackets behind the name, in round ones if it has more than one letter, or behind a
-slash or "in" where the clock's heading is written so.  It is one only where it is a unit that is known;
-else, and where two columns would get one name, what stands there is part of the name.
+A unit stands in square brackets behind the name, in round ones if it is no single letter or digit, or behind
+a slash or "in" where the clock's heading is written so.  It is one only where it is a unit that is known;
+else, where two columns would get one name, and for numbers in brackets of several columns, what stands there
+is part of the name.
 """
 
 import re
@@ -13,6 +14,7 @@ from records.formats.tables import Heading, clock_name
 from records.formats.units import is_unit, of_time
 from specs.signals import signals
 
+LONGEST = 1000  # characters of a heading in which a unit is looked for
 SQUARE = re.compile(r"^(?P<name>.*?\S)(?P<blank>\s*)\[(?P<unit>[^\[\]]*)\]$")
 ROUND = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^()]*)\)$")
 SLASH = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>.+)$")
@@ -25,21 +27,26 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
         return [_square(cell, True) or Heading(cell) for cell in cells]
     style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
     found = [_heading(cell, style) for cell in cells]
+    short = [cell for cell in cells if len(cell) <= LONGEST]
+    indexed = Counter(m["name"] for cell in short if (m := SQUARE.match(cell)) and m["unit"].isdigit())
+    found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
     return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
 
 
 def _clock_in(cell: str, style: re.Pattern[str]) -> bool:
-    match = style.match(cell)
+    match = style.match(cell) if len(cell) <= LONGEST else None
     return bool(match and clock_name(match["name"]) and of_time(match["unit"]))
 
 
 def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
+    if len(cell) > LONGEST:
+        return Heading(cell)
     if found := _square(cell, False):
         return found
     if match := ROUND.match(cell):
         name, unit = match["name"], match["unit"].strip()
-        long = len(unit) > 1 and unit != "min"  # p(A) and x(t) are names, and so is p(min)
+        long = (len(unit) > 1 or not unit.isalnum()) and unit != "min"  # p(A), x(t) and p(min) are names
         if (long and is_unit(unit)) or (clock_name(name) and of_time(unit)) or name in signals():
             return Heading(name, unit, cell)
     if style and (match := style.match(cell)) and is_unit(match["unit"].strip("()[]")):
@@ -48,7 +55,7 @@ def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
 
 
 def _square(cell: str, ours: bool) -> Heading | None:
-    match = SQUARE.match(cell)
+    match = SQUARE.match(cell) if len(cell) <= LONGEST else None
     if not match:
         return None
     name, unit = match["name"], match["unit"].strip()

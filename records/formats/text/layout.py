@@ -7,7 +7,7 @@ a date in the clock's column) are the units where they name the clock's unit, or
 
 import re
 from collections.abc import Sequence
-from csv import reader
+from csv import Error, reader
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -47,20 +47,31 @@ class Layout:
     remark: str = ""  # name of a last cell that only some rows have, where there may be one
 
 
+def is_comment(text: str) -> bool:
+    """Whether a line is a comment: not one whose first cell is a spreadsheet's error, such as #N/A."""
+    bare = text.lstrip()
+    return (
+        bare.startswith(COMMENTS) and re.split(r"[;\t|,]", bare, maxsplit=1)[0].strip().lower() not in MISSING
+    )
+
+
 def cells_of(text: str, delimiter: str) -> list[str]:
     """The cells of a line."""
     if delimiter == BLANKS:
         return text.split()
     if '"' not in text:
         return [cell.strip() for cell in text.split(delimiter)]
-    return [cell.strip() for cell in next(reader([text], delimiter=delimiter))]
+    try:
+        return [cell.strip() for cell in next(reader([text], delimiter=delimiter, skipinitialspace=True))]
+    except Error:  # a cell that is longer than this reader takes
+        return [cell.strip() for cell in text.split(delimiter)]
 
 
 def layout_of(lines: Sequence[Line], clocks: Sequence[str], source: str) -> Layout:
     """Find the table in the first lines of a file; `clocks` are the headings that are stated to
     be the clock.
     """
-    comments = [line for line in lines if line.text.lstrip().startswith(COMMENTS)]
+    comments = [line for line in lines if is_comment(line.text)]
     body = [line for line in lines if line.text.strip() and line not in comments]
     if not body:
         raise InputError(f"{source}: no header")
@@ -128,13 +139,27 @@ def _header(rows: Sequence[tuple[int, list[str]]], clocks: Sequence[str]) -> int
     """Index of the header among the rows; None where the file begins with data."""
     for at, (_, cells) in enumerate(rows):
         if len([c for c in cells if c]) > 1 and _names(cells[1:]) and _has_clock(cells, clocks):
-            return _names_above(rows, at)
+            return _names_above(rows, _last_header(rows, at, clocks))
     first = next((i for i, (_, cells) in enumerate(rows) if len(cells) > 1 and _is_data(cells)), None)
     if first is None:
         return next((i for i, (_, cells) in enumerate(rows) if len(cells) > 1), 0)
     if first == 0:
         return None
     return _names_above(rows, first - 1)
+
+
+def _last_header(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequence[str]) -> int:
+    """The header from `at` on: a later line of names that has the clock in another column makes this
+    one a preamble.
+    """
+    place = _clock_at(rows[at][1], clocks)
+    for k in range(at + 1, len(rows)):
+        cells = rows[k][1]
+        if _is_data(cells) or not _names(cells):
+            break
+        if (later := _clock_at(cells, clocks)) and not set(later) & set(place):
+            at, place = k, later
+    return at
 
 
 def _names_above(rows: Sequence[tuple[int, list[str]]], at: int) -> int:
@@ -167,8 +192,13 @@ def _names(cells: Sequence[str]) -> bool:
 
 
 def _has_clock(cells: Sequence[str], clocks: Sequence[str]) -> bool:
-    heads = zip(headings_of(cells), cells, strict=True)
-    return any(clock_name(h.name) or h.name in clocks or c in clocks for h, c in heads)
+    return bool(_clock_at(cells, clocks))
+
+
+def _clock_at(cells: Sequence[str], clocks: Sequence[str]) -> list[int]:
+    """Which cells may name the clock."""
+    heads = enumerate(zip(headings_of(cells), cells, strict=True))
+    return [i for i, (h, c) in heads if clock_name(h.name) or h.name in clocks or c in clocks]
 
 
 def _is_data(cells: Sequence[str]) -> bool:

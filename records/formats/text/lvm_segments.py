@@ -77,6 +77,8 @@ def _lines(source: Source) -> Iterator[str]:
 def _segments(lines: Sequence[tuple[int, str]], tab: str, source: Source) -> Iterator[Segment]:
     """Each head with the rows below it."""
     ends = [i for i, (_, text) in enumerate(lines) if text.startswith(END)]
+    if not ends:
+        raise InputError(f"{source.path}: no table behind the head of a LabVIEW measurement")
     begins = [next(i for i in range(e, -1, -1) if i == 0 or lines[i][1].startswith("Channels")) for e in ends]
     for begin, end, after in zip(begins, ends, [*begins[1:], len(lines)], strict=True):
         if end + 1 >= after:
@@ -89,8 +91,6 @@ def _segments(lines: Sequence[tuple[int, str]], tab: str, source: Source) -> Ite
             stated([x for _, x in lines[begin:end]], tab), names, [x.split(tab) for _, x in rows],
             [n for n, _ in rows],
         )  # fmt: skip
-    if not ends:
-        raise InputError(f"{source.path}: no table behind the head of a LabVIEW measurement")
 
 
 class _Reader:
@@ -103,13 +103,18 @@ class _Reader:
         """The channels of a segment."""
         units = iter(of.head.get("Y_Unit_Label", ()))
         step, first = (iter(of.head.get(key, ())) for key in ("Delta_X", "X0"))
-        clock = -1
+        clock = None
         for at, name in enumerate(of.names):
             if name == X:
                 clock = at
             elif name and name != REMARK:
-                delta, zero = (self._stated(next(found, "")) for found in (step, first))
-                time = None if self.x_columns == "No" else self._column(of, clock)
+                delta, zero = (self._stated(next(found, ""), of) for found in (step, first))
+                if clock is None and self.x_columns != "No":
+                    raise InputError(
+                        f"{self.source.path}: the table from line {of.lines[0] if of.lines else 0} on has no "
+                        f"column {X} before {name}, X_Columns is {self.x_columns or 'not stated'}"
+                    )
+                time = None if clock is None or self.x_columns == "No" else self._column(of, clock)
                 yield self._piece(of, at, next(units, ""), time, (zero, delta))
 
     def _piece(
@@ -146,8 +151,15 @@ class _Reader:
                 f"'{self.decimal}' before its decimals; --decimal or --missing '{bare}' says what it is"
             ) from None
 
-    def _stated(self, cell: str) -> float:
-        return float(cell.replace(self.decimal, ".")) if cell else 0.0
+    def _stated(self, cell: str, of: Segment) -> float:
+        try:
+            return float(cell.replace(self.decimal, ".")) if cell else 0.0
+        except ValueError:
+            line = of.lines[0] if of.lines else 0
+            raise InputError(
+                f"{self.source.path}: the head before line {line} states '{cell}', no number with "
+                f"'{self.decimal}' before its decimals"
+            ) from None
 
 
 def _start(head: Mapping[str, list[str]], source: Source, of: Segment) -> datetime:

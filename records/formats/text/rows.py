@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from records.formats.text.layout import BLANKS, COMMENTS, Layout
+from records.formats.text.layout import BLANKS, COMMENTS, Layout, is_comment
 from records.formats.text.source import Source
 from specs.errors import InputError
 
@@ -47,25 +47,28 @@ class Rows:
         d = layout.delimiter
         self.delimiter = "\t" if d == BLANKS else d
         e = re.escape(self.delimiter)
-        self._cell = rf'(?:\s*"(?:[^"]|"")*"[^{e}"]*|[^{e}]*)'
-        self._row = re.compile(rf"{self._cell}(?:{e}{self._cell})*")
-        self._begin = re.compile(rf'(?:^|{e})\s*"(?:[^"]|"")*$')
-        self._one = re.compile(rf'\s*"(?:[^"]|"")*"[^{e}]*|[^{e}]*')
+        self._one = re.compile(rf' *"(?:[^"]|"")*"[^{e}]*|[^{e}]*')
 
     def blocks(self) -> Iterator[Block]:
         """All rows, once; `left` counts what is left out."""
         self.left = Left()
+        for data, first, end in self._parts():
+            yield from self._checked(data, first, end)
+
+    def refuse(self) -> None:
+        """Raise InputError for the first line of another width than the header's."""
+        for data, first, _ in self._parts():
+            for _ in self._records(data, first):
+                pass
+
+    def _parts(self) -> Iterator[tuple[bytes, int, int]]:
+        """The lines of rows in blocks, with the number of the first one and of the one behind the last."""
         at = 1
         for data in self.source.blocks():
-            count = data.count(b"\n")
-            end = at + count
-            if end <= self.layout.first:
-                at = end
-                continue
-            if at < self.layout.first:
-                data = data.split(b"\n", self.layout.first - at)[-1]
-                at = self.layout.first
-            yield from self._checked(data, at, end)
+            end = at + data.count(b"\n")
+            if end > self.layout.first:
+                first = max(at, self.layout.first)
+                yield data.split(b"\n", first - at)[-1], first, end
             at = end
 
     def _checked(self, data: bytes, first: int, end: int) -> Iterator[Block]:
@@ -96,7 +99,7 @@ class Rows:
             if not line.strip():
                 self.left.blank += 1
                 continue
-            if line.lstrip().startswith(COMMENTS):
+            if is_comment(line):
                 self.left.comments += 1
                 self.left.first_comment = self.left.first_comment or number
                 continue
@@ -110,6 +113,7 @@ class Rows:
                 line += " " + lines[k]
                 self.left.continued += 1
                 k += 1
+            line = self._without_blanks(line)
             width = self.width(line)
             if self.layout.remark and width != self.layout.width:
                 line = self._without_remark(line, width)
@@ -123,6 +127,13 @@ class Rows:
                     + self._hint(width)
                 )
             yield number, line
+
+    def _without_blanks(self, line: str) -> str:
+        """A row with no blanks before cells in quotes, which would be part of them."""
+        cells = self._split(line) if ' "' in line else []
+        if not any(c[:1] == " " and c.lstrip(" ").startswith('"') for c in cells):
+            return line
+        return self.delimiter.join(c.strip(" ") for c in cells)
 
     def _without_remark(self, line: str, width: int) -> str:
         """A row with one cell too many without it, one too few with an empty one, where that is a remark."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from records.formats.encoding import Damaged, marked, single_byte
 from specs.errors import InputError
 
-CHUNK = 4 << 20  # bytes read at once
+CHUNK = 1 << 20  # bytes read at once
 OTHERS = {
     b"\x1f\x8b": "compressed by gzip: unpack it first",
     b"PK\x03\x04": "a ZIP archive, as .xlsx is: save it as CSV",

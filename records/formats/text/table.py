@@ -1,6 +1,7 @@
 """Reads a text file: decide, then fill the columns block by block, then check the count of rows."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -13,8 +14,16 @@ from pyarrow import csv
 from records.formats.csv_write import META
 from records.formats.metadata import start_of
 from records.formats.raw import Group, Raw
-from records.formats.tables import Heading, check_twice, clock_name, clock_unit, one_clock, stated_clock
-from records.formats.text.clock import Clock
+from records.formats.tables import (
+    DAY_NAMES,
+    Heading,
+    check_twice,
+    clock_name,
+    clock_unit,
+    one_clock,
+    stated_clock,
+)
+from records.formats.text.clock import EIGHT, FORMS, Clock
 from records.formats.text.columns import Column
 from records.formats.text.head import head_of
 from records.formats.text.layout import BLANKS, Line, cells_of, layout_of
@@ -93,18 +102,21 @@ class TextTable:
     def _clock(self, names: Mapping[str, str]) -> tuple[list[int], str]:
         """Index of the clock's column (two for a day and a time of day) and its unit."""
         heads, source = self.layout.headings, str(self.path)
-        if found := stated_clock(heads, names, self.options.clock, source):
-            return [found[0]], found[1] or heads[found[0]].unit or clock_unit(heads[found[0]].name)
         first, delimiter = self.layout.first, self.layout.delimiter
         sample = [cells_of(x.text, delimiter) for x in self.head if x.number >= first and x.text.strip()]
         named = [i for i, h in enumerate(heads) if clock_name(h.name)]
+        if found := stated_clock(heads, names, self.options.clock, source):
+            at, unit = found[0], found[1] or heads[found[0]].unit or clock_unit(heads[found[0]].name)
+            held = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in {at, *named}}
+            pair = _day_and_time(held, heads) if unit in FORMS else None
+            return (pair, unit) if pair and at == pair[0] else ([at], unit)
         if not named and of_time(heads[0].unit):
             named = [0]
             self.notes.append(f"{heads[0].name}: taken as the time, its unit is {heads[0].unit}")
         column = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in named}
         if len(named) == 1:
             return named, heads[named[0]].unit or clock_unit(heads[named[0]].name)
-        if pair := _day_and_time(column):
+        if pair := _day_and_time(column, heads):
             return pair, DAY
         changing = self._changing(named)
         possible = [i for i in named if i in changing]
@@ -127,7 +139,14 @@ class TextTable:
         return {i for i, held in values.items() if len(held) > 1 or (held and rows == 1)}
 
     def strings(self, data: bytes, columns: Sequence[int] = ()) -> pa.Table:
-        """The cells of rows as text, of all columns or of some."""
+        """The cells as text, of all columns or of some; raises InputError for a row of another width."""
+        try:
+            return self._strings(data, columns)
+        except pa.ArrowException as error:
+            self.rows.refuse()
+            raise InputError(f"{self.path}: {first_line(error)}") from None
+
+    def _strings(self, data: bytes, columns: Sequence[int] = ()) -> pa.Table:
         names = [str(i) for i in columns]
         return self._parsed(data, csv.ConvertOptions(
             column_types=dict.fromkeys(names or self.names, pa.string()), include_columns=names,
@@ -148,7 +167,7 @@ class TextTable:
         rows = max(self.source.lines - self.layout.first + 1, 0)
         clock = Clock(
             f"{self.path}: {heads[self.clocks[0]].name}", "" if self.unit == DAY else self.unit, self.marks,
-            heads[self.clocks[0]].name.lower() in ("date", "datum"), rows=rows,
+            heads[self.clocks[0]].name.lower() in DAY_NAMES, rows=rows,
         )  # fmt: skip
         columns = {i: Column(h, np.empty(rows)) for i, h in enumerate(heads) if i not in self.clocks}
         at, numbers = 0, []
@@ -165,9 +184,9 @@ class TextTable:
                 column.put(at, table.column(i), block.numbers, self.marks, frozenset(self.options.missing))
             at += table.num_rows
             numbers.append(block.numbers)
-        pa.default_memory_pool().release_unused()  # what the blocks needed
         self._count(at)
         keep_whole_numbers(self.rows.blocks, self.strings, columns, self.marks, at)
+        pa.default_memory_pool().release_unused()  # what the blocks needed
         return self._raw(clock, columns, at, numbers)
 
     def _clock_cells(self, table: pa.Table) -> pa.ChunkedArray:
@@ -191,7 +210,7 @@ class TextTable:
         except pa.ArrowException:
             pass
         try:
-            return self.strings(block.data)
+            return self._strings(block.data)
         except pa.ArrowException as error:
             last = block.numbers[-1]
             raise InputError(
@@ -267,16 +286,21 @@ def read_text(path: Path, names: Mapping[str, str], options: TextOptions) -> Raw
     return TextTable(source, head, names, options, notes).read()
 
 
-def _day_and_time(columns: Mapping[int, list[str]]) -> list[int] | None:
+def _day_and_time(columns: Mapping[int, list[str]], heads: Sequence[Heading]) -> list[int] | None:
     """A column of days and one of times of day, in this order, where there are just these two."""
     if len(columns) != 2 or not all(columns.values()):
         return None
+    eight = [
+        i for i, cells in columns.items()
+        if heads[i].name.lower() in DAY_NAMES and all(re.fullmatch(EIGHT, c) for c in cells)
+    ]  # fmt: skip
     clock = [
         i
         for i, cells in columns.items()
         if all(":" in c and is_date(c) and len(c) < 20 and "-" not in c for c in cells)
+        or (eight and all(re.fullmatch(r"\d{6}([.,]\d+)?", c) for c in cells))
     ]
-    days = [i for i, cells in columns.items() if all(is_date(c) and ":" not in c for c in cells)]
+    days = [i for i, cells in columns.items() if all(is_date(c) and ":" not in c for c in cells)] or eight
     return [*days, *clock] if len(clock) == 1 == len(days) else None
 
 

@@ -10,7 +10,7 @@ from records.figures_file import check_suffix, write
 from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
-from slewright.sealed import purpose
+from slewright.sealed import chosen_set, purpose
 from slewright.tables import show
 from slewright.typed import command
 from specs.errors import InputError
@@ -81,8 +81,7 @@ def scenes(
         raise InputError(
             "name scenes (truck, tuning, gap:validation:0, a .toml file) or open the --sealed ones"
         )
-    if draw_set == draws.SEALED:
-        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    which = chosen_set(draw_set, sealed, machines)
     study.check_controllers(controllers)
     mark = ("guarded " if guard else "") + ("sealed" if sealed else (scene or [""])[0].split(":")[0])
     if page is not None and page.suffix == ".md":
@@ -93,7 +92,6 @@ def scenes(
     study.check_scenes(chosen, guarding)
     drawn: dict[str, Any] = {draws.NOMINAL: {}}
     if machines:
-        which = draws.SEALED if opened else draw_set
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
         found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding)
@@ -130,14 +128,14 @@ def _tables(
 
 
 def _row(name: str, f: dict[str, Any]) -> list[str]:
-    def text(key: str, form: str = "{:.2f}") -> str:
-        return "–" if f.get(key) is None else form.format(f[key])
+    forms = {"keep_outs": "{}", "clearance_min": "{:.2f}", "cross_track_p95": "{:.2f}", "cycle": "{:.1f}",
+             "speed": "{:.1f}", "tool": "{:.1f}", "missed": "{}", "plan_p95_s": "{:.2f}"}  # fmt: skip
+    texts = [_text(f, key, form) for key, form in forms.items()]
+    return [name, str(f["scenes"]), str(f["runs"]), _contacts(f), *texts]
 
-    return [
-        name, str(f["scenes"]), str(f["runs"]), _contacts(f), text("keep_outs", "{}"),
-        text("clearance_min"), text("cross_track_p95"), text("cycle", "{:.1f}"), text("speed", "{:.1f}"),
-        text("tool", "{:.1f}"), text("missed", "{}"), text("plan_p95_s"),
-    ]  # fmt: skip
+
+def _text(f: dict[str, Any], key: str, form: str) -> str:
+    return "–" if f.get(key) is None else form.format(f[key])
 
 
 def _guard_row(name: str, f: dict[str, Any]) -> list[str]:
@@ -147,9 +145,9 @@ def _guard_row(name: str, f: dict[str, Any]) -> list[str]:
     with_it = f["guarded"]
     return [
         name, str(with_it["runs"]), _contacts(f), _contacts(with_it), str(with_it["runs_stepped_in"]),
-        str(f["interventions"]), f"{100 * with_it['guarded_share']:.0f} %", f"{f['speed_guarded']:.3f}",
-        f"{f['cycle_guarded']:.3f}", _missed(f), _missed(with_it), str(with_it["start_too_near"]),
-        str(with_it["targets_too_near"]),
+        str(f["interventions"]), f"{100 * with_it['guarded_share']:.0f} %",
+        _text(f, "speed_guarded", "{:.3f}"), _text(f, "cycle_guarded", "{:.3f}"),
+        _missed(f), _missed(with_it), str(with_it["start_too_near"]), str(with_it["targets_too_near"]),
     ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from records.figures_file import check_suffix, write
 from records.report import markers
 from slewright.figures import JsonOption, exit_if_missed
 from slewright.progress import progress
-from slewright.sealed import SealedOption
+from slewright.sealed import SealedOption, chosen_set
 from slewright.tables import show
 from slewright.typed import command
 from specs.errors import InputError
@@ -54,23 +54,25 @@ def throw(
     study.check(distances)
     if page is not None:
         markers.around(page, MARK)
-    if draw_set == draws.SEALED:
-        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    which, drawn = chosen_set(draw_set, sealed, machines), dict[str, Any]({draws.NOMINAL: {}})
+    if sealed and not machines:
+        raise InputError(f"--sealed: how many of its machines? --machines 1 to {draws.sets()[which]}")
     opened = draws.open_test_set(f"throw: {sealed}") if sealed else None
-    which, drawn = draws.SEALED if opened else draw_set, dict[str, Any]({draws.NOMINAL: {}})
     if machines:
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("throw") as report:
         found = study.study(distances, drawn, seed, report)
     table = [_row(distance, f) for distance, f in found["by_distance_m"].items()]
     show(f"Throws, simulated reference machine; reach {found['reach']:.2f} m", COLUMNS, table)
-    if page is not None:
+    if page is not None and not found["interrupted"]:
         from specs import markdown
         from specs.version import VERSION
 
         head = f"`{command()}`, version {VERSION}; everything is simulated.\n\n"
         markers.fill(page, MARK, head + markdown.table(COLUMNS, table))
     write(json, found, seed=seed)
+    if found["interrupted"]:
+        raise KeyboardInterrupt
     exit_if_missed(found["failures"])
 
 

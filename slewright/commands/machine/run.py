@@ -15,6 +15,7 @@ from slewright.progress import progress
 from slewright.tables import show
 
 if TYPE_CHECKING:
+    from runtime.configuration import Ros2
     from runtime.supervisor import Counts, Supervisor
 
 
@@ -124,17 +125,27 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
     if wanted.opcua:
         who = "everybody may read; nobody may command without [opcua.security]"
         if wanted.opcua.security:
-            who = f"certificates of {wanted.opcua.security.authority} with the role 'Planner' may command"
+            who = (
+                f"certificates of {wanted.opcua.security.authority} with the role 'Planner' may command, "
+                "those with 'Operator' may acknowledge alarms"
+            )
         lines.append(f"OPC UA: port {wanted.opcua.port} of {networks(wanted.opcua.host)}; {who}")
     if wanted.ros2:
-        who = "may command" if wanted.ros2.commands else "may look, nobody may command"
-        lines.append(f"ROS 2: domain {wanted.ros2.domain} of this computer only; whoever is on it {who}")
+        where = f"domain {wanted.ros2.domain} of this computer only"
+        lines.append(f"ROS 2: {where}; whoever is on it {_over_ros2(wanted.ros2)}")
     if wanted.canopen:
         where = f"{wanted.canopen.interface} {wanted.canopen.channel}"
         lines.append(f"CANopen: master on {where}; whoever is on that bus may speak as a device")
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
     return lines
+
+
+def _over_ros2(wanted: "Ros2") -> str:
+    if wanted.policy:
+        who = "may send targets" if wanted.commands else "may look"
+        return f"{who}, a node that is named {wanted.policy} may command arm and slew"
+    return "may command" if wanted.commands else "may look, nobody may command"
 
 
 def networks(host: str) -> str:

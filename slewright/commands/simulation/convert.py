@@ -79,6 +79,8 @@ def convert(
     samples = sum(len(c.time) for c in made.channels.values())
     length = max(float(c.time[-1]) for c in made.channels.values())
     typer.echo(f"written: {target}, {len(made.channels)} channels, {samples} samples, {length:.6g} s")
+    if json is None:
+        return
     rates = {c.name: {"samples": len(c.time), "period_s": c.period_s} for c in made.channels.values()}
     start = None if made.start is None else made.start.isoformat()
     content = {

@@ -43,6 +43,8 @@ def test_the_sources_make_the_same_identity_again() -> None:
 def test_what_a_core_cannot_run_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no controller 'pie'.*pi"):
         build.bundle("pie", tmp_path / "b")
+    with pytest.raises(InputError, match="no controller 'outsid'; did you mean outside"):
+        build.bundle("outsid", tmp_path / "b")
     with pytest.raises(InputError, match="model machine is continuous"):
         Block(load_model("machine"), "machine")
     with pytest.raises(InputError, match="model slew_nn reads inertia, inertia_rate"):

@@ -89,6 +89,10 @@ def test_an_unknown_fault_is_refused():
         faults(["sensor_timout"])
 
 
+def test_a_fault_that_is_named_twice_is_injected_once():
+    assert [f.name for f in faults(["sensor_range"] * 2)] == ["sensor_range"]
+
+
 @pytest.mark.parametrize("name", ["canopen_sensor_lost", "canopen_emergency"])
 def test_a_device_that_is_well_is_no_fault(name: str, monkeypatch: pytest.MonkeyPatch):
     """The figures can fail: without the change, nothing stops."""

@@ -1,5 +1,6 @@
 """CAN logs against python-can and cantools: frames we write, frames they write, and DBCs of other people."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -326,3 +327,56 @@ def test_frames_are_decoded_in_blocks_as_in_one(tmp_path, other, monkeypatch, su
         np.testing.assert_array_equal(parts[name].time, whole[name].time)
         np.testing.assert_array_equal(parts[name].values, whole[name].values)
     assert parts.repairs == whole.repairs
+
+
+HEAD = "date Sun Mar 29 10:00:00.000 am 2026\nbase {base}  timestamps absolute\n"
+SMALL = 'VERSION ""\nNS_ :\nBS_:\nBU_: A\nBO_ 256 M: 8 A\n SG_ p : 0|8@1+ (1,0) [0|0] "" A\n'
+
+
+def small(tmp_path, name: str, text: str) -> Any:
+    """A log in text, read by a small DBC."""
+    (tmp_path / "small.dbc").write_text(SMALL)
+    (tmp_path / name).write_text(text)
+    return read_measurement(tmp_path / name, dbc=tmp_path / "small.dbc")
+
+
+@pytest.mark.parametrize("base", ["hex", "dec"])
+@pytest.mark.parametrize("value", [16, 9, 200])
+def test_numbers_of_can_fd_frames_are_of_the_base_that_the_log_states(tmp_path, base, value):
+    shown = (lambda n: f"{n:02x}") if base == "hex" else str
+    line = f"   0.100000 CANFD   1 Rx {shown(256)} P 1 0 8  8 {shown(value)}" + " 0" * 7 + "   102203  130\n"
+    assert small(tmp_path, "r.asc", HEAD.format(base=base) + line)["p"].values.tolist() == [value]
+
+
+def test_length_codes_beyond_8_are_8_bytes(tmp_path):
+    line = "   0.100000 1  100             Rx   d F 05 00 00 00 00 00 00 00\n"
+    assert small(tmp_path, "r.asc", HEAD.format(base="hex") + line)["p"].values.tolist() == [5]
+
+
+def test_candump_with_dates(tmp_path):
+    lines = "".join(f" (2026-03-29 10:00:00.{k}00001)  can0  100   [1]  0{k}\n" for k in (0, 5))
+    found = small(tmp_path, "r.log", lines)
+    np.testing.assert_allclose(found["p"].time, [0, 0.5], atol=1e-9)
+    assert found.start == datetime(2026, 3, 29, 10, 0, 0, 1, tzinfo=UTC)
+    assert "the times state no time zone: taken as UTC" in found.repairs
+
+
+def test_a_trace_of_a_version_that_is_not_read(tmp_path):
+    with pytest.raises(InputError, match=r"r\.trc is a PCAN trace of version 1\.2; valid: 1\.0, 1\.1"):
+        small(tmp_path, "r.trc", ";$FILEVERSION=1.2\n;\n     1)  0.000 1  Rx  0100  1  01\n")
+
+
+def test_remote_frames_of_a_trace_are_said(tmp_path):
+    rows = "      1  0.000 DT 1  0100 Rx -  1  01\n      2  1.000 RR 1  0100 Rx -  1\n"
+    found = small(
+        tmp_path, "r.trc", f";$FILEVERSION=2.1\n;$STARTTIME=46110.5\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n{rows}"
+    )
+    assert any("1 remote frames" in note for note in found.repairs)
+
+
+def test_a_blf_whose_head_says_that_it_is_short(tmp_path, other):
+    data = blf(tmp_path / "a.blf", 3)
+    data[4:8] = (9).to_bytes(4, "little")
+    (tmp_path / "a.blf").write_bytes(data)
+    with pytest.raises(InputError, match="is damaged or"):
+        read_measurement(tmp_path / "a.blf", dbc=other)

@@ -57,6 +57,17 @@ def test_a_clock_that_jumps_back_is_refused_where_it_does(at, periods):
         assert f"line {at + 1} at" in str(caught.value)
 
 
+@settings(max_examples=150, deadline=None)
+@given(st.integers(4, 40), st.data())
+def test_a_clock_that_wraps_is_refused_however_few_rows_it_counts(modulus, data):
+    """Its rows fit between each other: sorted they would be one even clock."""
+    rows = data.draw(st.integers(3, modulus))
+    first = data.draw(st.integers(modulus - rows + 1, modulus - 1))
+    time = (first + np.arange(rows)) % modulus * PERIOD_S
+    with pytest.raises(InputError, match=r"jumps back|two values"):
+        mend(group(time), "r.csv")
+
+
 def test_a_logger_that_began_anew_is_refused_though_its_times_would_fit():
     time = np.concatenate([np.arange(100, 200), np.arange(90)]) * PERIOD_S
     with pytest.raises(

@@ -106,3 +106,18 @@ def test_a_table_whose_head_has_no_date_or_another_unit_is_refused(tmp_path: Pat
         read_measurement(lvm(tmp_path, one, one.replace("bar", "Pa")))
     with pytest.raises(InputError, match="states no Date and Time"):
         read_measurement(lvm(tmp_path, one, one.replace("10:00:00.5", "ten")))
+
+
+@pytest.mark.parametrize(
+    ("names", "change", "says"),
+    [
+        ("p\tq\tComment\n", ("", ""), "has no column X_Value before p, X_Columns is One"),
+        (ONE, ("Delta_X\t0.02", "Delta_X\t0,02"), r"states '0,02', no number with '\.' before its decimals"),
+        (ONE, ("***End_of_Header***\t\t", "End of header\t\t"), "no table behind the head"),
+    ],
+)
+def test_a_table_whose_times_are_not_stated_is_refused(tmp_path: Path, names: str, change: tuple, says: str):
+    path = lvm(tmp_path, table("1.5\t10\t\n", names), table("2.5\t20\t\n", names))
+    path.write_text(path.read_text().replace(*change))
+    with pytest.raises(InputError, match=says):
+        read_measurement(path)

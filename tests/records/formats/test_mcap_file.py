@@ -207,3 +207,23 @@ def test_messages_of_a_topic_that_only_a_damaged_chunk_declares(tmp_path):
     (tmp_path / "t.mcap").write_bytes(data)
     with pytest.raises(InputError, match=r"no messages.*damaged chunk"):
         read_measurement(tmp_path / "t.mcap")
+
+
+@pytest.mark.parametrize(
+    "message", [b'{"x": 1, "x": 2}', b'{"b.c": 1, "b": {"c": 2}}', b'{"a": {"x": 1, "x": 1}}']
+)
+def test_json_with_a_name_that_stands_twice_is_refused(tmp_path, message):
+    save(tmp_path / "t.mcap", {"/a": ("json", None, {}, [(0, message)])})
+    with pytest.raises(InputError, match=r"message 1 of /a has '(x|b\.c)' twice"):
+        read_measurement(tmp_path / "t.mcap")
+
+
+@pytest.mark.parametrize("length", [2**33, 2**62])
+def test_a_length_that_is_damaged_asks_for_no_memory(tmp_path, length):
+    """A chunk that says it holds more than the file does."""
+    path = save(tmp_path / "t.mcap", {"/a": ("json", None, {}, [(0, b'{"a": 1}')])}, CompressionType.NONE)
+    data = path.read_bytes()
+    at = data.index(b"\x06", 8) + 9 + 8 + 8 + 8 + 4 + 4  # behind a chunk's head, times, size, sum and method
+    path.write_bytes(data[:at] + length.to_bytes(8, "little") + data[at + 8 :])
+    with pytest.raises(InputError, match="holds no messages"):
+        read_measurement(path)

@@ -138,3 +138,59 @@ def test_a_file_that_cannot_be_recovered_is_refused_in_one_line(tmp_path, capfd)
         read_measurement(path)
     assert len(str(caught.value).splitlines()) == 1
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("rule", "expected"),
+    [
+        ({"a": 10.0, "b": 3.0}, [10 * (2**60 + 1) + 3, 73]),
+        ({"val_0": 7, "text_0": "seven", "default_addr": b""}, [2**60 + 1, 7]),
+        (None, [2**60 + 1, 7]),
+    ],
+)
+def test_whole_numbers_of_64_bits_stay_exact(tmp_path, rule, expected):
+    with MDF(version="4.10") as file:
+        file.append([Signal(np.array([2**60 + 1, 7], np.uint64), np.arange(2.0), name="n", conversion=rule)])
+        file.save(tmp_path / "r.mf4")
+    assert [int(v) for v in read_measurement(tmp_path / "r.mf4")["n"].values] == expected
+
+
+def test_whole_numbers_that_a_rule_rounds_are_said(tmp_path):
+    with MDF(version="4.10") as file:
+        raw = np.array([2**60 + 1, 7], np.uint64)
+        file.append([Signal(raw, np.arange(2.0), name="n", conversion={"a": 0.5, "b": 0.0})])
+        file.save(tmp_path / "r.mf4")
+    assert "n: numbers beyond 2^53 are rounded to floats" in read_measurement(tmp_path / "r.mf4").repairs
+
+
+def test_a_recording_is_the_same_in_however_many_parts_it_is_written(tmp_path, monkeypatch):
+    sent = recording()
+    write_measurement(sent, tmp_path / "whole.mf4")
+    monkeypatch.setattr("records.formats.mdf4.PART", 7)
+    write_measurement(sent, tmp_path / "parts.mf4")
+    whole, parts = read_measurement(tmp_path / "whole.mf4"), read_measurement(tmp_path / "parts.mf4")
+    assert list(whole.channels) == list(parts.channels) == list(sent.channels)
+    assert len(whole["q_slew"].time) > 2 * 7
+    for name, channel in whole.channels.items():
+        assert channel.values.dtype == parts[name].values.dtype
+        np.testing.assert_array_equal(channel.time, parts[name].time)
+        np.testing.assert_array_equal(channel.values, parts[name].values)
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+def test_a_channel_beyond_its_record_is_refused(tmp_path, version):
+    """asammdf would read memory that is not the file's."""
+    path = save(
+        tmp_path / ("r.mdf" if version < "4" else "r.mf4"),
+        [Signal(np.arange(5.0), np.arange(5.0), name="p")],
+        version=version,
+    )
+    with MDF(path) as file:
+        channel = file.groups[0].channels[1]
+        at = channel.address + (186 if version < "4" else 24 + 8 * 8 + 4)
+    data, form = bytearray(path.read_bytes()), "<H" if version < "4" else "<I"
+    assert struct.unpack_from(form, data, at)[0] == (64 if version < "4" else 8)
+    struct.pack_into(form, data, at, 60_000)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"p of .* is beyond its record"):
+        read_measurement(path)

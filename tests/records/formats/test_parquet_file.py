@@ -1,6 +1,7 @@
 """Run records and other tools' Parquet as recordings."""
 
 from datetime import UTC, datetime
+from decimal import Decimal
 
 import numpy as np
 import pyarrow as pa
@@ -111,3 +112,22 @@ def test_time_stamps_of_every_resolution_give_time_and_start(tmp_path, unit):
 def test_tables_that_cannot_be_read_are_refused(tmp_path, columns, said):
     with pytest.raises(InputError, match=rf"theirs\.parquet.*{said}"):
         read_measurement(foreign(tmp_path, columns))
+
+
+@pytest.mark.parametrize("kind", [pa.int64(), pa.uint64(), pa.decimal128(19, 0), pa.decimal128(20, 0)])
+def test_large_whole_numbers_stay_exact_where_others_are_absent(tmp_path, kind):
+    top = 2**64 - 1 if kind in (pa.uint64(), pa.decimal128(20, 0)) else 2**63 - 1
+    cells = [2**53 + 1, None, top, 3]
+    held = pa.array(cells, kind) if not pa.types.is_decimal(kind) else pa.array(
+        [None if c is None else Decimal(c) for c in cells], kind
+    )  # fmt: skip
+    pq.write_table(pa.table({"time": [0.0, 1.0, 2.0, 3.0], "n": held}), tmp_path / "t.parquet")
+    found = read_measurement(tmp_path / "t.parquet")["n"]
+    assert [int(v) for v in found.values] == [2**53 + 1, top, 3]
+    assert found.time.tolist() == [0, 2, 3]
+
+
+def test_an_index_that_counts_the_rows_is_no_time(tmp_path):
+    pq.write_table(pa.table({"p": [1.0, 2.0], "__index_level_0__": [0, 1]}), tmp_path / "t.parquet")
+    with pytest.raises(InputError, match="no time column"):
+        read_measurement(tmp_path / "t.parquet")

@@ -124,3 +124,23 @@ def test_what_is_no_database_is_refused(tmp_path):
     (tmp_path / "a.db3").write_bytes(b"no database, but long enough to look like one" * 50)
     with pytest.raises(InputError, match="is damaged or no bag of ROS 2"):
         read_measurement(tmp_path / "a.db3")
+
+
+def test_joint_states_of_two_publishers_keep_the_places_of_their_names(tmp_path):
+    """Which name has which place differs between messages: each keeps the place of its first message."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types, sent = store.types, [["a", "b"], ["b", "a"], ["c"], ["c", "a"]]
+    value = {"a": 1.0, "b": 2.0, "c": 3.0}
+    with Writer(tmp_path / "b", version=9, storage_plugin=StoragePlugin.SQLITE3) as made:
+        joints = made.add_connection("/joints", "sensor_msgs/msg/JointState", typestore=store)
+        for k, names in enumerate(sent):
+            header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](k, 0), "base")
+            one = types["sensor_msgs/msg/JointState"](
+                header, names, np.array([10 * k + value[n] for n in names]), np.zeros(0), np.zeros(0)
+            )
+            made.write(joints, BEGIN_NS + 10**9 * k, store.serialize_cdr(one, "sensor_msgs/msg/JointState"))
+    found = read_measurement(tmp_path / "b")
+    assert found["joints.position[0]"].values.tolist() == [1, 11, 31]
+    assert found["joints.position[1]"].values.tolist() == [2, 12]
+    assert found["joints.position[2]"].values.tolist() == [23, 33]
+    assert any("each keeps its place" in said for said in found.repairs)

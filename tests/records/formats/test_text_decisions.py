@@ -149,3 +149,55 @@ def test_no_time_of_twelve_hours(read, second, says):
 def test_am_or_pm_in_a_later_line_only(read):
     with pytest.raises(InputError, match="line 3: '1:00:00 PM' states AM or PM, lines before do not"):
         read(table("time,v", ["11:00:00,1", "1:00:00 PM,2"]))
+
+
+@pytest.mark.parametrize("word", ["#N/A", "#DIV/0!", "#NAME?", "#WERT!", "#nv"])
+def test_an_error_of_a_spreadsheet_in_the_first_cell_is_no_comment(read, word):
+    found = read(table("p;time [s];q", ["1;0;1", f"{word};1;2", "# a comment; of; its own", "3;2;3"]))
+    assert found["q"].values.tolist() == [1, 2, 3]
+    assert found["p"].time.tolist() == [0, 2]
+
+
+def test_cells_in_quotes_behind_blanks(read):
+    found = read(table('time, "a", b', ['0.5, "1", 2', '1.0, "3", 4', '1.5,"5 ",  "6"']))
+    assert found["a"].values.tolist() == [1, 3, 5]
+    assert found["b"].values.tolist() == [2, 4, 6]
+
+
+def test_remarks_of_two_lines_in_all_rows(read):
+    found = read(table("time,p,note", [f'{0.5 * k},{k},"two\nlines"' for k in range(40)]))
+    assert found["p"].values.tolist() == list(range(40))
+
+
+def test_numbers_in_brackets_are_indices_where_there_are_several(read):
+    found = read(table("time;v [1];v [2];n [1];u (%);q (°);r(2)", ["0;1;2;3;4;5;6", "1;1;2;3;4;5;6"]))
+    assert [(c.name, c.unit) for c in found.channels.values()] == [
+        ("v [1]", ""), ("v [2]", ""), ("n", "1"), ("u", "%"), ("q", "deg"), ("r(2)", ""),
+    ]  # fmt: skip
+
+
+def test_an_empty_cell_before_one_in_quotes(read):
+    found = read(table("time [s]\tp\tnote\tq", ['0.5\t\t"a\tb"\t1', "1.0\t2\t\t3", '1.5\t\t"c"\t4']))
+    assert found["q"].values.tolist() == [1, 3, 4]
+    assert found["p"].values.tolist() == [2]
+
+
+def test_a_preamble_that_names_a_time_in_another_column_is_no_header(read):
+    found = read(table('"x_values","time"', ['"time [s]","Model Root/p [bar]"', "0.0,5", "0.5,6"]))
+    assert found["Model Root/p"].values.tolist() == [5, 6]
+    assert found["Model Root/p"].time.tolist() == [0, 0.5]
+
+
+@pytest.mark.parametrize(
+    "cell", ["time" + " " * 200_000 + "in x", '"' + '""' * 100_000, "time" + "[" * 100_000]
+)
+def test_very_long_cells_take_no_time_that_grows_with_their_square(read, cell):
+    with pytest.raises(InputError):
+        read(table(f"{cell};p", ["0;1", "1;2"]))
+
+
+def test_rows_of_other_widths_that_make_up_for_each_other(read):
+    rows = [f"{k};1;1" for k in range(50)]
+    rows[30:32] = ["30;1", "31;1;1;1"]
+    with pytest.raises(InputError, match="line 32 has 2 cells, the header 3"):
+        read(table("time [s];p;q", rows))

@@ -62,6 +62,16 @@ class Table:
         self.outputs["value"][MODE] = mode
 
 
+def test_who_asks_before_the_controller_runs_is_told_so(tmp_path: Path):
+    seats.create(tmp_path, ("ros2",))
+    granted, said = seats.join_granted(tmp_path), list[str]()
+    assert granted
+    seat = seats.Seat("ros2", seats.join(tmp_path, "ros2"), granted, lambda text, _: said.append(text))
+    for now in (TICK, TICK + LAPSE_NS - 1, TICK + LAPSE_NS):
+        seat.ask("a", {"target_x": 5.0}, now)
+    assert said == ["a is refused the right to command: the controller does not run yet"]
+
+
 @pytest.fixture
 def table(tmp_path: Path) -> Table:
     return Table(tmp_path).tick()

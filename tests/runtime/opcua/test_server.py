@@ -264,9 +264,11 @@ def test_an_operator_acknowledges_and_nobody_else(served: Beside, papers: dict[s
             if event.ConditionName == "emergency_stop":
                 self.events.append(event)
 
+    comment = "seen, hose looked at, no oil on the ground, pump to be looked at, m.k."
+
     async def asked(client: Any, index: int, key: str, event: bytes) -> str:
         condition = client.get_node(ua.NodeId(f"Alarms.{key}", index))
-        given = ua.Variant(event, ua.VariantType.ByteString), ua.Variant(ua.LocalizedText("seen"))
+        given = ua.Variant(event, ua.VariantType.ByteString), ua.Variant(ua.LocalizedText(comment))
         try:
             await condition.call_method(acknowledge, *given)
         except ua.UaStatusCodeError as error:
@@ -307,7 +309,7 @@ def test_an_operator_acknowledges_and_nobody_else(served: Beside, papers: dict[s
     (done,) = [e for e in told if e.get("acknowledged")]
     assert done["acknowledged"] == "emergency_stop"
     assert "operator" in done["what"]
-    assert done["what"].endswith(": seen")
+    assert f" acknowledged ({comment}): " in done["what"]  # whole, however long the alarm's own text is
     assert any("planner" in e["what"] and "refused Acknowledge" in e["what"] for e in told)
 
 

@@ -1,16 +1,15 @@
 """A ROS 2 node's side of DDS for the tests: publishers and subscribers in this process."""
 
-import itertools
-import os
 import time
 from collections.abc import Callable
 from typing import Any
 
+from deployment.hil.rig import free_domain
 from runtime.ros2.loopback import settings
 from runtime.ros2.wire import message, qos, topic_name
 from specs import ros2
 
-DOMAINS = itertools.count(50 + os.getpid() % 40)
+DOMAINS = iter(free_domain, None)
 
 
 class Peer:

@@ -81,6 +81,17 @@ def test_the_command_drives_each_controller_without_and_with_the_guard(tmp_path:
     assert "\n| pd | 1 | 0 (≤" in page.read_text()
 
 
+@pytest.mark.slow
+def test_a_scene_in_which_nothing_is_to_be_turned_has_no_share_of_speed(tmp_path: Path):
+    scene, figures = tmp_path / "ahead.toml", tmp_path / "f.json"
+    place = "{ slew_deg = 0.0, radius_m = 9.5, height_m = 3.5 }"
+    scene.write_text(f'description = "it is there"\nstart = {place}\ntargets = [{place}]\n')
+    told = ["--guard", "--out", str(tmp_path / "out"), "--json", str(figures)]
+    assert command(["scenes", str(scene), "--controller", "pd", *told]) == 0
+    found = json.loads(figures.read_text())
+    assert (found["speed"], found["speed_guarded"], found["contacts_guarded"]) == (0.0, None, 0)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from slewright.__main__ import run as command
+from verification.throws import study
 from verification.throws.run import TICK_S, Case, Track, run
 from verification.throws.study import failures, summary
 
@@ -56,10 +57,33 @@ def test_the_command_writes_its_figures(tmp_path: Path):
     assert "beyond reach m" in page.read_text()
 
 
+def test_an_interrupt_keeps_what_was_thrown_and_leaves_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def thrown(case: Case) -> dict[str, object]:
+        if case.beyond:
+            raise KeyboardInterrupt
+        return {"beyond": 0.0, "machine": case.machine, "released": False}
+
+    monkeypatch.setattr(study, "run", thrown)
+    page, figures = tmp_path / "page.md", tmp_path / "f.json"
+    page.write_text("<!-- throws:begin -->\nas it was\n<!-- throws:end -->\n")
+    asked = ["throw", "--beyond", "0", "--beyond", "1", "--page", str(page), "--json", str(figures)]
+    assert command(asked) == 130
+    found = json.loads(figures.read_text())
+    assert (found["interrupted"], len(found["rows"])) == (True, 1)
+    assert "as it was" in page.read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--beyond", "9"], "no throw lands 25."),
+        (["--beyond", "9"], "no throw lands 9 m beyond reach (16.75 m); valid: -8.67 to 2.23 m"),
+        (["--beyond", "0", "--beyond", "nan"], "no throw lands nan m beyond reach"),
+        (["--draws", "tunings"], "unknown set of draws 'tunings'"),
+        (["--machines", "9000"], "9000 machines of set validation: valid are 0 to"),
+        (["--sealed", "a purpose"], "--machines 1 to 48"),
+        (["--sealed", "a purpose", "--machines", "49"], "49 machines of set test: valid are 0 to 48"),
         (["--draws", "test"], "sealed"),
         (["--page", "x.html"], "valid: .md"),
         (["--sealed", " "], "say what they are opened for"),
