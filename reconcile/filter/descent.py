@@ -71,16 +71,15 @@ class Descent:
             self.age, self.since = 0, 0.0
         noise = [f for f in self.free if f.name.startswith(NOISES) and f.name not in self.by_noise]
         motion = [f for f in self.free if not f.name.startswith(NOISES) and f.name not in self.kept]
-        for asked, known in ((motion, self.kept), (noise, self.by_noise)):
-            made = (
-                self.fitter.columns(self.at.values, self.present, asked, self.at.e, self.at.s, self.own)
-                if asked
-                else ((), ())
-            )
-            if made is None:
-                return False
-            known |= {f.name: (made[0][:, j], made[1][:, j]) for j, f in enumerate(asked)}
-        return True
+        return self._made(motion, self.kept) and self._made(noise, self.by_noise)
+
+    def _made(self, asked: list[Free], known: Columns) -> bool:
+        """Make slopes where it is now and put them to those that are known."""
+        at = self.at
+        made = self.fitter.columns(at.values, self.present, asked, at.e, at.s, self.own) if asked else None
+        if made is not None:
+            known |= {f.name: (e, s) for f, e, s in zip(asked, made[0].T, made[1].T, strict=True)}
+        return made is not None or not asked
 
     def step(self) -> float:
         """Nats that the best of some steps gains; 0 where none does."""
@@ -118,11 +117,11 @@ class Descent:
 
     def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """Slopes of e and of log s [n, K]."""
+        slopes = np.zeros((2, len(self.at.e), len(self.free)))
         every = self.kept | self.by_noise
-        if not self.free:
-            return (np.zeros((len(self.at.e), 0)),) * 2
-        de, ds = zip(*(every[f.name] for f in self.free), strict=True)
-        return np.column_stack(de), np.column_stack(ds)
+        for j, f in enumerate(self.free):
+            slopes[:, :, j] = every[f.name]
+        return slopes[0], slopes[1]
 
     def _state(self, far: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, gradient, information, and which parameters are held at a limit."""
