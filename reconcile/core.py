@@ -32,7 +32,7 @@ class Floor:
 
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
-STEPPED_NATS = 0.02  # the same, nats a sample: few that are far off do not show in most of them
+STEPPED_NATS = 5.0  # the same of all nats: an effect that stands for errors of the steps would gain as much
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
@@ -159,7 +159,7 @@ class Core:
             found = self.fitter.innovations(self.values, ())
             if found and before:
                 moved = np.nanmedian(np.abs(found[0] - before[0]) / np.sqrt(found[1]))
-                nats = np.mean(self.fitter.loss(*found)) - np.mean(self.fitter.loss(*before))
+                nats = np.sum(self.fitter.loss(*found)) - np.sum(self.fitter.loss(*before))
                 if moved < STEPPED and abs(nats) < STEPPED_NATS:
                     self.kalman.substeps = n // 2
                     return
