@@ -220,3 +220,22 @@ def test_what_an_effect_covers_is_not_asked_beside_it(friction: Beam):
         for one, other in ((larger, smaller), (smaller, larger)):
             assert by_key[other] not in beam._beside(frozenset({by_key[one]}))
         assert by_key["quadratic_drag@v"] in beam._beside(frozenset({by_key[larger]}))
+
+
+def test_a_clock_that_gains_a_thousandth_is_the_first_to_be_asked():
+    gains, runs = 1e-3, recorded(Truth(), seconds=20.0, seed=6)
+    late = [
+        replace(r, outputs={n: _gaining(s, gains * (s.time - r.began_s)) for n, s in r.outputs.items()})
+        for r in runs
+    ]
+    beam = Beam(cored(late, "clock_drift@all outputs", *FEW))
+    beam.points[frozenset()] = beam.core.base
+    first = beam.scores(frozenset())[0]
+    assert first.attached.key == "clock_drift@all outputs"
+    key = fitted(beam, [first.attached.key])
+    assert beam.points[key].values[first.attached.name("drift")] == pytest.approx(gains, rel=0.1)
+
+
+def _gaining(signal: Signal, delay_s: np.ndarray) -> Signal:
+    """A signal that comes ever later."""
+    return replace(signal, values=np.interp(signal.time - delay_s, signal.time, signal.values))
