@@ -7,9 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from reconcile.catalogue.kinds import kind
-from reconcile.core import QUIET, Core
-from reconcile.filter.kalman import SIGMA, WHITE, Values
-from reconcile.filter.point import Point
+from reconcile.core import Core
+from reconcile.filter.kalman import Values
+from reconcile.filter.likelihood import NOISES
+from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
 from reconcile.shapes import Shapes
@@ -104,10 +105,9 @@ class Beam:
         Beside a large one an input's gain may be fitted to nothing, and then no effect on it is seen.
         """
         core, before = self.core, self.evidence(self.ranked()[0])
-        plain = core.fitter.fit(core.fresh, (), core.base_free, LONG, own=True)
+        plain, found = core.slow, []
         if plain is None:
             return []
-        found = []
         scores = Screen(core, plain, self.shapes).all(core.candidates, {})
         for scored in scores[: 2 * SINGLES[0]]:  # far from the fit a score says less
             key, own = frozenset({scored.attached}), self._own(scored)
@@ -128,15 +128,14 @@ class Beam:
                 self.fit(key, point.present, [], fresh=effects(point.values, point.present))
 
     def settle(self) -> list[Key]:
-        """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
+        """Fit the best sets to the end: one that has not settled looks worse."""
         self.report("settling")
         done: set[Key] = set()
         while todo := [k for k in self._foremost() if k not in done]:
             key = todo[0]
             done.add(key)
             point = self.points[key]
-            quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
-            self.fit(key, point.present, [point.values, point.values | quiet], LONG, near=point)
+            self.fit(key, point.present, [point.values], LONG, near=point)
             if key == self.ranked()[0]:
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
@@ -182,13 +181,12 @@ class Beam:
 
         A delay of the only input is one of all outputs, and its own score may see a local optimum.
         """
-        units, taken = [q.unit for q in a.effect.parameters], {(x.effect.name, x.port) for x in key}
+        units = [q.unit for q in a.effect.parameters]
         return [
             self._in_place(key, a, Scored(b, 0.0, {b.name("gate"): 1.0} if b.effect.gated else {}))
-            for b in self.core.candidates
+            for b in self._beside(key)
             if kind(b.effect.name) == kind(a.effect.name)
             and b.effect.name != a.effect.name
-            and (b.effect.name, b.port) not in taken
             and [q.unit for q in b.effect.parameters] == units
             and self.core.reach.common(a, b)
         ]
@@ -251,11 +249,20 @@ class Beam:
         """Sets, most evidence first."""
         return sorted(self.points, key=lambda k: -self.evidence(k))
 
+    def _beside(self, key: Key) -> list[Attached]:
+        """Candidates that say something more than a set of effects does."""
+        taken = {(name, a.port) for a in key for name in (a.effect.name, a.effect.covers)}
+        within = {(a.effect.name, a.port) for a in key}
+        return [
+            a
+            for a in self.core.candidates
+            if (a.effect.name, a.port) not in taken and (a.effect.covers, a.port) not in within
+        ]
+
     def scores(self, key: Key) -> list[Scored]:
         """Candidates beside a set, best first."""
         if key not in self.scored:
-            taken = {(a.effect.name, a.port) for a in key}
-            others = [a for a in self.core.candidates if (a.effect.name, a.port) not in taken]
+            others = self._beside(key)
             if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
@@ -292,13 +299,17 @@ class Beam:
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         found, less = [], [p for k, p in self.points.items() if k < key]
         every = [(start, False) for start in starts]
-        every += [] if fresh is None else [(core.fresh | fresh, True)]
+        every += [] if fresh is None else [(core.slowly | fresh, True)]
         for number, (start, staged) in enumerate(every):
             least = min((p.total for p in (*found, *less)), default=np.inf)
             if found and least > most:
                 break
-            fit = core.fitter.fit_staged if staged else core.fitter.fit
-            point = fit(
+            if staged:
+                slow = self._slow(start, present, free)
+                if slow is None:
+                    continue
+                start = slow
+            point = core.fitter.fit(
                 start,
                 present,
                 free,
@@ -314,6 +325,18 @@ class Beam:
             best = min(found, key=lambda p: p.total)
             if key not in self.points or best.total < self.points[key].total:
                 self.points[key] = best
+
+    def _slow(self, start: Values, present: Sequence[Attached], free: Sequence[Free]) -> Values | None:
+        """Slow motion first, with little noise, from where the model without effects is then.
+
+        None where the effects gain nothing there: then the disturbance has not taken them over.
+        """
+        slow, motion = self.core.slow, [f for f in free if not f.name.startswith(NOISES)]
+        least = slow.total if slow else np.inf
+        point = self.core.fitter.fit(
+            start, present, motion, SHORT, every=2, hopeless=least, own=True, near=slow
+        )
+        return point.values if point and point.total < least - WORTH else None
 
     def _neighbours(self, key: Key) -> bool:
         """Sets with one effect less, or with another one in its place; whether one is better."""

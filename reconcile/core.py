@@ -12,6 +12,7 @@ from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.likelihood import NOISES
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.free import FreeParameters
@@ -31,7 +32,7 @@ class Floor:
 
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
-STEPPED_NATS = 0.02  # the same, nats a sample: few that are far off do not show in most of them
+STEPPED_NATS = 5.0  # the same of all nats: an effect that stands for errors of the steps would gain as much
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
@@ -71,12 +72,12 @@ class Core:
         }
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
+        self.slow: Point | None = None  # the base model with little noise, as slow motion has it
         first = self.values = self._first_values()
+        noise = {n: v for n, v in first.items() if n.startswith(NOISES)}
+        self.little = noise | {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
         self._choose_substeps()
         self.settle()
-        noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
-        quiet = {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
-        self.fresh = self.values | noise | quiet | {v.name: v.start for v in self.model.parameters}
 
     def _begun(self, record: Record) -> int:
         """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
@@ -158,7 +159,7 @@ class Core:
             found = self.fitter.innovations(self.values, ())
             if found and before:
                 moved = np.nanmedian(np.abs(found[0] - before[0]) / np.sqrt(found[1]))
-                nats = np.mean(self.fitter.loss(*found)) - np.mean(self.fitter.loss(*before))
+                nats = np.sum(self.fitter.loss(*found)) - np.sum(self.fitter.loss(*before))
                 if moved < STEPPED and abs(nats) < STEPPED_NATS:
                     self.kalman.substeps = n // 2
                     return
@@ -178,6 +179,17 @@ class Core:
     def disturbances(self, values: Values) -> dict[str, float]:
         """By place the size of the disturbance, as a share of the forces there."""
         return {p: values[SIGMA + p] / self.force_size(p) for p in self.kalman.places}
+
+    @property
+    def fresh(self) -> Values:
+        """The model as it came, without effects and with little noise."""
+        return self.values | self.little | {v.name: v.start for v in self.model.parameters}
+
+    @property
+    def slowly(self) -> Values:
+        """The same where slow motion was fitted: before a disturbance takes up what effects do."""
+        moved = {f.name: self.slow.values[f.name] for f in self.slow.free} if self.slow else {}
+        return self.fresh | moved
 
     def nominal(self) -> Point | None:
         """The model as it came, with the noise that was found."""
@@ -203,13 +215,12 @@ class Core:
                 self._choose_substeps()
 
     def _base_fit(self, first: bool) -> Point:
-        """The model without effects: from where it is; at `first` also with less noise, for slow motion."""
+        """The model without effects: from where it is, and at `first` from slow motion too."""
         free = [*self.base_free, *self.noise_free]
         points = [self.fitter.fit(self.values, (), free, 25, own=True, every=2)]
+        self.slow = self.fitter.fit(self.slowly, (), self.base_free, 25, own=True)
         if first:
-            less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
-            start = self.values | less | {v.name: v.start for v in self.model.parameters}
-            points.append(self.fitter.fit_staged(start, (), free, 25, own=True, every=2))
+            points.append(self.fitter.fit(self.slowly, (), free, 25, own=True, every=2))
         found = [p for p in points if p is not None]
         if not found and self.model.kind == "continuous" and self.kalman.substeps < MOST_SUBSTEPS:
             self.kalman.substeps *= 2

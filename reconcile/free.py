@@ -58,7 +58,7 @@ class FreeParameters:
 
     def _own(self, a: Attached, q: Parameter, s: Scales, other: Scales) -> Free:
         low, high = q.bounds(s)
-        starts, scaleless = np.array(q.starts(s), float), q.unit == "s"
+        starts, scaleless = np.array(q.starts(s), float), q.unit == "s" or a.effect.clock
         if q.amplitude or np.min(starts) <= 0.0:
             size = self._unit_size(a, q.unit, s, other)
             if q.name in ("factor",):
@@ -70,6 +70,8 @@ class FreeParameters:
 
     def _unit_size(self, a: Attached, unit: str, s: Scales, other: Scales) -> float:
         """Size of an amplitude from its unit: a force of the recording's own size at its port, and so on."""
+        if a.effect.clock:  # at the end of a recording as late as outputs that are late throughout
+            return self.memory_s / self.duration_s
         names = {"f": s.f, "v": s.v, "q": s.q, "inertia": s.inertia, "u": s.u, "y": s.y, "demand": s.d}
         names["other"] = other.y if a.effect.place == "output" else other.u
         text = unit.format(**{n: f"({v!r})" for n, v in names.items()}).replace("^", "**")

@@ -78,17 +78,17 @@ def turned_parameters(answer: Answer) -> str:
 
 
 def bounded_parameters(answer: Answer) -> str:
-    """A sentence on base parameters that limits of model.py keep from where they would go; "" without.
+    """A sentence on fitted base parameters that lie at limits of model.py; "" without.
 
     Zero is left out: friction or a load may well be nothing.
     """
     point = answer.point
-    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+    fitted = {f.name for f in point.free}
     found = [
         f"{v.name} lies at its limit, {limit:g}"
         for v in answer.core.model.parameters
         for limit in (v.min, v.max)
-        if v.name in held and limit and np.isclose(point.values[v.name], limit, rtol=1e-3)
+        if v.name in fitted and limit and np.isclose(point.values[v.name], limit, rtol=1e-3)
     ]
     return f"{', '.join(found)} (in model.py): a wider one may explain more." if found else ""
 

@@ -24,6 +24,7 @@ from reconcile.beam import Beam
 from reconcile.core import Core
 from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
+from reconcile.filter.point import Point
 from reconcile.judge import Judge
 from reconcile.model import Folder
 from reconcile.start import units
@@ -138,12 +139,15 @@ def _searched(
     """
     said("filtering")
     parts = split(*given)
-    beam = Beam(Core(folder, parts), said)
-    if asked := mistaken.evident(beam.core, names):
+    core = Core(folder, parts)
+    if asked := mistaken.evident(core, names):
         raise InputError(asked)
+    if (share := _least_noise(core, core.base)) < 0.5 * core.share:  # the model is good by itself
+        core = Core(folder, parts, floor=share)
+    beam = Beam(core, said)
     beam.search()
     before = None
-    while (share := _least_noise(beam)) < 0.5 * beam.core.share:
+    while (share := _least_noise(beam.core, beam.points[beam.ranked()[0]])) < 0.5 * beam.core.share:
         said("again, with less noise")
         before, beam = beam, Beam(Core(folder, parts, floor=share), said)
         beam.search(before.foremost())
@@ -153,10 +157,9 @@ def _searched(
     return _judged(before, said)
 
 
-def _least_noise(beam: Beam) -> float:
+def _least_noise(core: Core, best: Point) -> float:
     """The least noise of an output, of its spread, that the error of the best set allows."""
-    best = beam.points[beam.ranked()[0]]
-    return max(OF_ERROR * math.hypot(ahead(beam.core, best), noise(beam.core, best)), LEAST_FLOOR)
+    return max(OF_ERROR * math.hypot(ahead(core, best), noise(core, best)), LEAST_FLOOR)
 
 
 def _judged(beam: Beam, said: Report) -> Answer:

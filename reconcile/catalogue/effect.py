@@ -96,6 +96,7 @@ class Effect:
     """One entry.  `equation` is in words of mathematics; `width` says which scale smooths it (gap: its own).
 
     `becomes` names the simpler effects it turns into in a limit; `form` tells entries of one name apart.
+    `covers`: the one of them that adds nothing beside it, whatever its parameters.
     `delays`: the effect is a transport delay, which no equation holds; its one parameter is the delay, or
     with `clock` the delay gained per second of the recording.  `shows`: of a coupling, the side of the shaft
     that the model's axis is (and its outputs show); the other side is hidden.
@@ -119,6 +120,7 @@ class Effect:
     gated: bool = False
     width: Literal["u", "v", "q", "y", "time", "gap"] | None = None
     becomes: Mapping[str, str] = field(default_factory=dict)
+    covers: str = ""
     form: str = ""
     needs: tuple[str, ...] = ()  # what the port must have: "q" (a position), "rad" (an angle) ...
     delays: bool = False

@@ -202,6 +202,7 @@ EFFECTS = (
         source=FRICTION,
         width="v",
         becomes={"coulomb_friction": "Fc_positive = Fc_negative"},
+        covers="coulomb_friction",
     ),
     _entry(
         "stribeck_friction",
@@ -215,6 +216,7 @@ EFFECTS = (
         source=FRICTION,
         width="v",
         becomes={"coulomb_friction": "Fs = Fc or vs → 0"},
+        covers="coulomb_friction",
     ),
     _entry("viscous_friction", "F = −b v", (_amplitude("b", "{f}/({v})"),), _viscous, source=FRICTION),
     _entry(
@@ -225,6 +227,7 @@ EFFECTS = (
         source=FRICTION,
         width="v",
         becomes={"viscous_friction": "b_positive = b_negative"},
+        covers="viscous_friction",
     ),
     _entry(
         "load_dependent_friction",

@@ -6,17 +6,20 @@ from reconcile.filter.likelihood import NOISES, Likelihood
 from reconcile.filter.point import At, Free, Point
 from reconcile.model import Attached
 
-JUMP_EVERY = 4  # steps of a fit without the noise after which delays may jump
-JUMPS = (-8, -4, -2, -1, 1, 2, 4, 8)  # samples
 LONGEST = 3.0  # of a step in a coordinate
-TRIES = 6  # dampings of a step
+TRIES, STALE_TRIES = 6, 2  # dampings of a step, with new slopes and with kept ones
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
 FREELY = 1e-2  # damping with which a fit begins
-SLOW = 20.0  # nats gained, up to which slopes by the noise serve on between steps
+
+Columns = dict[str, tuple[np.ndarray, np.ndarray]]  # slopes of e and of log s [n] by parameter
 
 
 class Descent:
-    """One fit on its way: where it is, slopes that are kept for some steps, the damping."""
+    """One fit on its way: where it is, its slopes, the damping.
+
+    Slopes by parameters of the motion cost a run of the filter each and are kept for `every` steps; those by
+    the noise cost two runs in all and are made for each step.
+    """
 
     def __init__(
         self,
@@ -27,24 +30,15 @@ class Descent:
         every: int,
         at: At,
     ):
-        self.fitter, self.present, self.free, self.own, self.every, self.at = (
-            fitter,
-            present,
-            free,
-            own,
-            every,
-            at,
-        )
-        self.slopes: tuple[np.ndarray, np.ndarray] | None = None
-        self.age, self.since, self.damping, self.renewed = 0, np.inf, FREELY, False
-        self.taken: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self.coarse = any(f.name in fitter.kalman.delays for f in free)
-        self.motion = not any(f.name.startswith(NOISES) for f in free)
-        self.exact = True  # whether what was taken belongs to where the fit begins
+        self.fitter, self.present, self.free, self.own, self.every = fitter, present, free, own, every
+        self.at, self.age, self.since = at, 0, np.inf
+        self.damping, self.renewed = FREELY, False
+        self.kept: Columns = {}
+        self.by_noise: Columns = {}
 
     @property
     def fresh(self) -> bool:
-        """Whether the slopes were made for the last step."""
+        """Whether all slopes were made for the last step."""
         return self.age <= 1
 
     def renew(self) -> bool:
@@ -58,36 +52,40 @@ class Descent:
         """Slopes of a point nearby, for the first steps."""
         de, ds = near.slopes
         if len(de) == len(self.at.e):
-            self.exact = near.loss == self.at.loss
-            self.coarse &= not self.exact
-            self.taken = {f.name: (de[:, j], ds[:, j]) for j, f in enumerate(near.free)}
+            columns = zip(near.free, de.T, ds.T, strict=True)
+            self.kept = {f.name: (e, s) for f, e, s in columns if not f.name.startswith(NOISES)}
+            self.age, self.since = (0, 0.0) if near.loss == self.at.loss else (1, np.inf)
+
+    def forget(self) -> None:
+        """Make all slopes anew for the next step, where it has moved since they were made."""
+        if self.since > 0.0:
+            self.kept = {}
+        else:
+            self.age = 0
 
     def linearised(self) -> bool:
-        """Make slopes where there are none or they are old; whether the filter bears it."""
-        if self.slopes is not None and self.age >= self.every:
-            if not self.taken and self.since < SLOW:
-                columns = zip(self.free, self.slopes[0].T, self.slopes[1].T, strict=True)
-                self.taken = {f.name: (de, ds) for f, de, ds in columns if f.name.startswith(NOISES)}
-                self.exact = not self.taken
-            self.slopes = None
-        if self.slopes is None:
-            at, asked = self.at, [f for f in self.free if f.name not in self.taken]
-            made = self.fitter.columns(at.values, self.present, asked, at.e, at.s, self.own, self.coarse)
-            if made is None:
-                self.slopes = None
-                return False
-            every = self.taken | {f.name: (made[0][:, j], made[1][:, j]) for j, f in enumerate(asked)}
-            de, ds = zip(*(every[f.name] for f in self.free), strict=True)
-            self.slopes = np.column_stack(de), np.column_stack(ds)
-            self.age, self.since = (0, 0.0) if self.exact else (1, 2.0 * STALE)
-            self.taken, self.exact = {}, True
-        return self.slopes is not None
+        """Make slopes that are missing or old; whether the filter bears it."""
+        if self.age >= self.every:
+            self.forget()
+        if not self.kept:
+            self.age, self.since = 0, 0.0
+        noise = [f for f in self.free if f.name.startswith(NOISES) and f.name not in self.by_noise]
+        motion = [f for f in self.free if not f.name.startswith(NOISES) and f.name not in self.kept]
+        return self._made(motion, self.kept) and self._made(noise, self.by_noise)
+
+    def _made(self, asked: list[Free], known: Columns) -> bool:
+        """Make slopes where it is now and put them to those that are known."""
+        at = self.at
+        made = self.fitter.columns(at.values, self.present, asked, at.e, at.s, self.own) if asked else None
+        if made is not None:
+            known |= {f.name: (e, s) for f, e, s in zip(asked, made[0].T, made[1].T, strict=True)}
+        return made is not None or not asked
 
     def step(self) -> float:
         """Nats that the best of some steps gains; 0 where none does."""
-        z, g, information, held = self._state()
-        moving, self.age = ~held, self.age + 1
-        for _ in range(TRIES):
+        z, g, information, held = self._state(far=True)
+        moving, before, self.age = ~held, self.damping, self.age + 1
+        for _ in range(TRIES if self.fresh else STALE_TRIES):
             h = information[np.ix_(moving, moving)] + np.eye(int(moving.sum()))
             h += self.damping * np.diag(np.diag(h))
             step = np.zeros(len(z))
@@ -96,67 +94,37 @@ class Descent:
             there = self.fitter.at(self.at.values | moved, self.present, self.free, self.own)
             if there is not None and there.total < self.at.total:
                 gained, self.at = self.at.total - there.total, there
-                self.renewed = False
+                self.by_noise = {}
                 self.damping, self.since = max(self.damping / 5.0, 1e-4), self.since + gained
                 return gained
             self.damping = min(self.damping * 8.0, 1e6)
+        if not self.fresh:  # old slopes failed, not the length of the step
+            self.damping = before
         return 0.0
-
-    def jump(self) -> float:
-        """Nats gained by delays that are some samples longer or shorter, all else giving way; 0 if none is.
-
-        Where an input is rough, small steps of its delay do not lead from one good value to the next.
-        """
-        z, _, information, held = self._state()
-        before, best, period = self.at.total, self.at, self.fitter.period
-        for j, f in enumerate(self.free):
-            if f.name not in self.fitter.kalman.delays or held[j]:
-                continue
-            others = [i for i in range(len(z)) if i != j and not held[i]]
-            h = information[np.ix_(others, others)] + np.eye(len(others))
-            gives = np.linalg.solve(h, information[others, j])
-            for samples in JUMPS:
-                value = f.value(f.coordinate(self.at.values[f.name] + samples * period))
-                way = np.clip((f.coordinate(value) - z[j]) * gives, -1.0, 1.0)
-                moved = {
-                    self.free[i].name: self.free[i].value(z[i] - w) for i, w in zip(others, way, strict=True)
-                }
-                there = self.fitter.at(
-                    self.at.values | moved | {f.name: value}, self.present, self.free, self.own
-                )
-                if there is not None and there.total < best.total:
-                    best = there
-        self.at, self.slopes, self.since = best, None, np.inf
-        self.coarse = best.total < before
-        return before - best.total
 
     def point(self) -> Point | None:
         """Where it is, with slopes made there unless they hardly changed since."""
-        if self.slopes is None or self.since > STALE or self.coarse:
-            self.slopes, self.coarse = None, False
-            if not self.linearised():
-                return None
-        _, g, information, held = self._state()
-        at, slopes = self.at, self.slopes
-        if slopes is None:
+        if self.since > STALE:
+            self.forget()
+        if not self.linearised():
             return None
+        _, g, information, held = self._state()
+        at = self.at
         return Point(
-            self.present,
-            self.free,
-            at.values,
-            at.loss,
-            at.prior,
-            g,
-            information,
-            held,
-            at.e,
-            at.s,
-            slopes,
-        )
+            self.present, self.free, at.values, at.loss, at.prior, g, information, held, at.e, at.s,
+            self._slopes(),
+        )  # fmt: skip
 
-    def _state(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes of e and of log s [n, K]."""
+        slopes = np.zeros((2, len(self.at.e), len(self.free)))
+        every = self.kept | self.by_noise
+        for j, f in enumerate(self.free):
+            slopes[:, :, j] = every[f.name]
+        return slopes[0], slopes[1]
+
+    def _state(self, far: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, gradient, information, and which parameters are held at a limit."""
-        slopes = self.slopes or (np.zeros((len(self.at.e), len(self.free))),) * 2
-        g, information = self.fitter.score(self.at.e, self.at.s, *slopes)
+        g, information = self.fitter.score(self.at.e, self.at.s, *self._slopes(), far=far)
         z = np.array([f.coordinate(self.at.values[f.name]) for f in self.free])
         return z, g + z, information, self.fitter.held(self.at.values, self.free, g + z)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.filter.descent import JUMP_EVERY, Descent
+from reconcile.filter.descent import Descent
 from reconcile.filter.kalman import Values
 from reconcile.filter.likelihood import NOISES, Likelihood
 from reconcile.filter.point import Free, Point
@@ -49,13 +49,13 @@ class Fitter(Likelihood):
                 return None
             gained = descent.step()
             left = descent.at.total - hopeless
-            if descent.coarse and (gained < enough or (descent.motion and (k + 1) % JUMP_EVERY == 0)):
-                gained += descent.jump()
             if gained < enough:
-                if descent.fresh and not descent.coarse and not descent.renew():
+                if descent.fresh and not descent.renew():
                     break
-                descent.slopes = None
-            elif k >= PATIENCE and left > 0.0 and gained < HOPE * left:
+                descent.forget()
+                continue
+            descent.renewed = False
+            if k >= PATIENCE and left > 0.0 and gained < HOPE * left:
                 break
         return descent.point()
 

@@ -43,9 +43,8 @@ class Likelihood:
         e,
         s,
         own: bool = False,
-        coarse: bool = False,
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Slopes of e and of log s by the coordinates of `free` [n, K]; `coarse`: of delays over a sample."""
+        """Slopes of e and of log s by the coordinates of `free` [n, K]."""
         de, ds = np.zeros((2, len(e), len(free)))
         noise = [j for j, f in enumerate(free) if f.name.startswith(NOISES)]
         if noise:
@@ -57,10 +56,7 @@ class Likelihood:
             if j in noise:
                 continue
             z = f.coordinate(values[f.name])
-            over = STEP
-            if coarse and f.name in self.kalman.delays:
-                over = f.coordinate(values[f.name] + self.period) - z
-            step = over if f.value(z + over) != values[f.name] else -over
+            step = STEP if f.value(z + STEP) != values[f.name] else -STEP
             other = self.innovations(values | {f.name: f.value(z + step)}, present, own)
             if other is None:
                 return None
@@ -89,15 +85,20 @@ class Likelihood:
         )
         return de, ds
 
-    def score(self, e, s, de, ds) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient of the loss and Fisher information [K, K]."""
+    def score(self, e, s, de, ds, far: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient of the loss and Fisher information [K, K].
+
+        `far`: of samples that are far off only what their own slope allows, as they count little: else a
+        step from afar is many times too short.
+        """
         e, s = np.where(np.isnan(e), 0.0, e), np.where(np.isnan(s), 1.0, s)
         weight = (STUDENT + 1.0) / (STUDENT * s + e * e)
         by_e = weight * e
         by_s = 0.5 - 0.5 * weight * e * e
         gradient = de.T @ by_e + ds.T @ by_s
         a, b = (STUDENT + 1.0) / (STUDENT + 3.0), 0.5 * STUDENT / (STUDENT + 3.0)
-        information = (de * (a / s)[:, None]).T @ de + b * ds.T @ ds
+        known = np.minimum(a / s, weight) if far else a / s
+        information = (de * known[:, None]).T @ de + b * ds.T @ ds
         return gradient, information
 
     def at(self, values: Values, present: Sequence[Attached], free: Sequence[Free], own: bool) -> At | None:

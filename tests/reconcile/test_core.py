@@ -11,6 +11,7 @@ from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.core import Core
 from reconcile.data import Run, Signal, split
+from reconcile.filter.likelihood import NOISES
 from reconcile.filter.point import Free
 from reconcile.judge import Judge
 from reconcile.model import Folder
@@ -56,6 +57,18 @@ def test_the_gradient_is_that_of_the_loss(friction: Beam):
             sides.append(core.fitter.loss(*other).sum())
         by_differences = (sides[0] - sides[1]) / 2e-4
         assert gradient[j] == pytest.approx(by_differences, rel=0.02, abs=0.05), f.name
+
+
+def test_a_fit_far_off_its_noise_arrives_in_a_few_steps(friction: Beam):
+    core = friction.core
+    quiet = {n: 0.01 * v for n, v in core.base.values.items() if n.startswith(NOISES) and "tau" not in n}
+    start = core.base.values | quiet | {"mass": 4.0}
+    few, many = (core.fitter.fit(start, (), core.base_free, n, own=True) for n in (4, 60))
+    assert few is not None
+    assert many is not None
+    begun = core.fitter.at(start, (), core.base_free, True)
+    assert begun is not None
+    assert begun.total - few.total > 0.99 * (begun.total - many.total) > 100.0
 
 
 def test_a_parameter_at_its_limit_leaves_the_fit_and_what_is_projected_out(friction: Beam):
@@ -193,3 +206,36 @@ def test_missing_samples_move_a_fit_by_no_more_than_its_errors():
     whole, part = (Core(models.cooling(), split([r], (), ()), ()).base for r in (run, fewer))
     error = standard_errors(part)["time"]
     assert abs(whole.values["time"] - part.values["time"]) < 4.0 * error
+
+
+def test_what_an_effect_covers_is_not_asked_beside_it(friction: Beam):
+    core = Core(friction.core.folder, friction.core.parts, ALL)
+    beam = Beam(core)
+    by_key = {a.key: a for a in core.candidates}
+    for larger, smaller in (
+        ("asymmetric_coulomb_friction@v", FRICTION),
+        ("stribeck_friction@v", FRICTION),
+        ("asymmetric_viscous_friction@v", "viscous_friction@v"),
+    ):
+        for one, other in ((larger, smaller), (smaller, larger)):
+            assert by_key[other] not in beam._beside(frozenset({by_key[one]}))
+        assert by_key["quadratic_drag@v"] in beam._beside(frozenset({by_key[larger]}))
+
+
+def test_a_clock_that_gains_a_thousandth_is_the_first_to_be_asked():
+    gains, runs = 1e-3, recorded(Truth(), seconds=20.0, seed=6)
+    late = [
+        replace(r, outputs={n: _gaining(s, gains * (s.time - r.began_s)) for n, s in r.outputs.items()})
+        for r in runs
+    ]
+    beam = Beam(cored(late, "clock_drift@all outputs", *FEW))
+    beam.points[frozenset()] = beam.core.base
+    first = beam.scores(frozenset())[0]
+    assert first.attached.key == "clock_drift@all outputs"
+    key = fitted(beam, [first.attached.key])
+    assert beam.points[key].values[first.attached.name("drift")] == pytest.approx(gains, rel=0.1)
+
+
+def _gaining(signal: Signal, delay_s: np.ndarray) -> Signal:
+    """A signal that comes ever later."""
+    return replace(signal, values=np.interp(signal.time - delay_s, signal.time, signal.values))
