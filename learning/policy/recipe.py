@@ -181,13 +181,16 @@ _OWN_PPO = {
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
+_DRIVES: dict[str, Any] = {  # as far as slew drives differ
+    "gain": (0.75, 1.33), "inertia_scale": (0.7, 1.4), "slew_delay": (0.0, 0.25), "edge": (-0.2, 0.5),
+    "rate_filter": (0.0, 0.4),
+}  # fmt: skip
 _FAMILY: dict[str, Any] = {
     "family": True, "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06),
     "curriculum": 0.0, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0, "consecutive": 0.5,
     "envs": 192,
     "random": Randomisation(
-        oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), gain=(0.75, 1.33),
-        inertia_scale=(0.7, 1.4), slew_delay=(0.0, 0.25), edge=(-0.2, 0.5), rate_filter=(0.0, 0.4),
+        oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), **_DRIVES
     ),
 }  # fmt: skip
 _SCRATCH: dict[str, Any] = {  # ours, PPO
@@ -211,8 +214,9 @@ _RECIPES = (
         random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
     ),
     Recipe(
-        "ppo_slew", "ours, slew-only, PPO from scratch: as ppo, the tool's swing counts less", task="slew",
-        weights={k: v for k, v in _OWN_PPO.items() if k != "keep_out"} | {"sway": 0.5}, **_SCRATCH,
+        "ppo_slew", "ours, slew-only, PPO from scratch, over a family of drives", task="slew", **_SCRATCH,
+        weights={k: v for k, v in _OWN_PPO.items() if k != "keep_out"} | {"overshoot": 4.0, "sway": 0.35},
+        family=True, random=Randomisation(**_DRIVES), iterations=1500,
     ),
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,

@@ -303,12 +303,6 @@ class Kalman:
         return sorted(set(ca.jacobian_sparsity(ca.vertcat(self.model.x0(p)), p).get_col()))
 
     @cached_property
-    def delays(self) -> frozenset[str]:
-        """Parameters that delay inputs: from one sample to the next the likelihood is no smooth thing."""
-        names = self.whole.parameter_names
-        return frozenset(names[k] for own in self.late.inputs.values() for k in own)
-
-    @cached_property
     def shown(self) -> list[tuple[int, str, float]]:
         """States that recorded outputs are, up to sign: (state, output, sign)."""
         x, u, m, p = self.model.symbols

@@ -51,6 +51,7 @@ def test_wrong_input_ends_with_2(tmp_path: Path, slewright_here: Slewright) -> N
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 @pytest.mark.browser
 def test_the_page_loads_nothing_and_shows_every_run(
     tmp_path: Path, slewright: Slewright, browser: str

@@ -83,6 +83,7 @@ def listeners(plant: Plant, folder: Path) -> tuple[Any, dict[str, set[float]]]:
     return network, heard
 
 
+@pytest.mark.long
 def test_what_another_program_sees_is_what_is_recorded(plant: Plant, tmp_path: Path):
     network, heard = listeners(plant, tmp_path)
     with Supervisor(plant.configuration("recorder")) as supervisor:

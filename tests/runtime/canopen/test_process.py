@@ -90,6 +90,7 @@ def test_an_object_that_is_not_there_is_named(master: Master):
     device.ended = True
 
 
+@pytest.mark.long
 def test_all_simulated_devices_are_set_up_and_left_alone_by_a_process_that_is_started_again(master: Master):
     with Devices(master.node()) as devices:
         until(lambda: all(master.accepted().values()))

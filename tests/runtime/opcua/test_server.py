@@ -194,6 +194,13 @@ def test_a_planner_commands_lapses_and_nobody_displaces_it(served: Beside, paper
             async def call(name: str, *given: float) -> None:
                 await machine.call_method(f"{index}:{name}", *given)
 
+            async def taken(*given: float) -> bool:
+                try:
+                    await call("SetTarget", *given)
+                except ua.UaStatusCodeError:
+                    return False
+                return True
+
             for wrong in (math.nan, 26.0, -math.inf):
                 with pytest.raises(ua.UaStatusCodeError, match="BadOutOfRange"):
                     await call("SetTarget", wrong, 0.0, 4.0, 1.0, 0.0)
@@ -218,7 +225,7 @@ def test_a_planner_commands_lapses_and_nobody_displaces_it(served: Beside, paper
             assert target(served, "target_x") == (8.0, Status.OK)
             beating.cancel()
             await until(lambda: _now(target(served, "target_x")[1] == Status.NEVER))  # no sign of life
-            await call("SetTarget", 9.0, 1.0, 4.0, 1.0, 0.0)
+            await until(lambda: taken(9.0, 1.0, 4.0, 1.0, 0.0))
             assert target(served, "target_x") == (9.0, Status.OK)
             await call("Release")
             await until(lambda: _now(target(served, "target_x")[1] == Status.NEVER))

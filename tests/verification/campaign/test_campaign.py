@@ -127,6 +127,7 @@ def test_a_killed_worker_loses_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     assert (tmp_path / "marker").exists()
 
 
+@pytest.mark.long
 def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,6 +184,7 @@ def _with_a_pool(folder: Path) -> None:
     list(pool.local(tasks, 2, _sleepy))  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     parent = get_context("spawn").Process(target=_with_a_pool, args=(tmp_path,))
@@ -256,6 +258,7 @@ def _resident_kb() -> int:
     return int(line.split()[1])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_results(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
