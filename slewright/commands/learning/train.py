@@ -82,7 +82,7 @@ def policy(
         str,
         typer.Option(
             metavar="NAME",
-            help="full, slew, family, robust (ours); paper, paper_slew, ppo, ppo_slew (PPO). Default: the task's.",
+            help="full, slew, family, robust; by PPO ppo, ppo_slew, paper, paper_slew. Default: the task's.",
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of weights, machines and noise.")] = 1,
