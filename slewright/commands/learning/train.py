@@ -81,7 +81,8 @@ def policy(
     recipe: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="full, slew, family (ours); paper, paper_slew (PPO). Default: the task's."
+            metavar="NAME",
+            help="full, slew, family, robust; by PPO ppo, ppo_slew, paper, paper_slew. Default: the task's.",
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of weights, machines and noise.")] = 1,
