@@ -304,13 +304,11 @@ class Beam:
             least = min((p.total for p in (*found, *less)), default=np.inf)
             if found and least > most:
                 break
-            if staged:
-                slow = self._slow(start, present, free)
-                if slow is None:
-                    continue
-                start = slow
+            begun = self._slow(start, present, free) if staged else start
+            if begun is None:
+                continue
             point = core.fitter.fit(
-                start,
+                begun,
                 present,
                 free,
                 iterations,

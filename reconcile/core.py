@@ -73,8 +73,8 @@ class Core:
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
         self.slow: Point | None = None  # the base model with little noise, as slow motion has it
-        first = self.values = self._first_values()
-        noise = {n: v for n, v in first.items() if n.startswith(NOISES)}
+        self.values = self._first_values()
+        noise = {n: v for n, v in self.values.items() if n.startswith(NOISES)}
         self.little = noise | {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
         self._choose_substeps()
         self.settle()

@@ -36,7 +36,6 @@ class Unheard:
             for handle, why in reader.unreadable().items():
                 name = self._names.get(handle, "a publisher that is gone")
                 self._complaints.say(name, f"its message on {reader.topic} cannot be read: {why}", now)
-
         if more := self._node.garbled - self._garbled:
             self._garbled += more
             self._complaints.say("a publisher", "its announcement cannot be read: text that is no UTF-8", now)
