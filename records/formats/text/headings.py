@@ -27,35 +27,37 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
         return [_square(cell, True) or Heading(cell) for cell in cells]
     style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
     found = [_heading(cell, style) for cell in cells]
-    short = [cell for cell in cells if len(cell) <= LONGEST]
-    indexed = Counter(m["name"] for cell in short if (m := SQUARE.match(cell)) and m["unit"].isdigit())
+    indexed = Counter(m["name"] for c in cells if (m := _match(SQUARE, c)) and m["unit"].isdigit())
     found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
     return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
 
 
+def _match(style: re.Pattern[str], cell: str) -> re.Match[str] | None:
+    """A heading written in a style; none of a cell so long that the search would take minutes."""
+    return style.match(cell) if len(cell) <= LONGEST else None
+
+
 def _clock_in(cell: str, style: re.Pattern[str]) -> bool:
-    match = style.match(cell) if len(cell) <= LONGEST else None
+    match = _match(style, cell)
     return bool(match and clock_name(match["name"]) and of_time(match["unit"]))
 
 
 def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
-    if len(cell) > LONGEST:
-        return Heading(cell)
     if found := _square(cell, False):
         return found
-    if match := ROUND.match(cell):
+    if match := _match(ROUND, cell):
         name, unit = match["name"], match["unit"].strip()
         long = (len(unit) > 1 or not unit.isalnum()) and unit != "min"  # p(A), x(t) and p(min) are names
         if (long and is_unit(unit)) or (clock_name(name) and of_time(unit)) or name in signals():
             return Heading(name, unit, cell)
-    if style and (match := style.match(cell)) and is_unit(match["unit"].strip("()[]")):
+    if style and (match := _match(style, cell)) and is_unit(match["unit"].strip("()[]")):
         return Heading(match["name"], match["unit"].strip("()[]"), cell)
     return Heading(cell)
 
 
 def _square(cell: str, ours: bool) -> Heading | None:
-    match = SQUARE.match(cell) if len(cell) <= LONGEST else None
+    match = _match(SQUARE, cell)
     if not match:
         return None
     name, unit = match["name"], match["unit"].strip()
