@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.rigs import run as rigs
+from benchmarks.rigs import balls, run as rigs
 from reconcile.checks import open_folder, read_names
 from reconcile.data import read_run
 from tests.benchmarks.command import benchmarks
@@ -28,6 +28,11 @@ def test_the_licence_of_the_balls_comes_along():
     data = ROOT / "tests" / "data" / "ball_drops"
     assert "MIT" in (data / "README.md").read_text()
     assert "Permission is hereby granted" in (data / "LICENSE").read_text()
+
+
+def test_a_constant_force_fits_the_balls_better_than_the_drag_of_the_air():
+    left = {name: balls.fit(law, guess)[1] for name, (law, guess, _) in balls.LAWS.items()}
+    assert left["constant, c sgn v"] < left["viscous, c v"] < left["drag, c v |v|"] < left["nothing"]
 
 
 @pytest.mark.parametrize(("name", "start_s", "end_s"), [("energy_shaping", 0.0, 4.5), ("ilqr", 10.5, 17.0)])
@@ -111,3 +116,13 @@ def test_a_table_that_is_not_complete(table: Path, capsys, was: str, instead: st
     table.write_text(table.read_text().replace(was, instead))
     assert benchmarks("rigs", "--rigs", table) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_the_rigs_are_answered_and_their_null_controls_named_nothing(tmp_path: Path):
+    out = tmp_path / "rigs.json"
+    benchmarks("rigs", "--json", out)
+    found = {n: f["class"] for n, f in json.loads(out.read_text())["rigs"].items()}
+    assert found["dfki_pendulum"] in rigs.GOOD
+    assert found["ball_drops"] in (*rigs.GOOD, "abstained")  # see docs/results/rigs.md
+    assert found["dfki_pendulum/null"] == found["ball_drops/null"] == "right"
