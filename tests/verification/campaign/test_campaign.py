@@ -103,7 +103,7 @@ def test_where_a_scenario_lies_does_not_matter_but_what_it_says(tmp_path: Path) 
     assert set(digests[0]).isdisjoint(digests[2])
 
 
-@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.long), 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_killed_worker_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int) -> None:
     written(tmp_path)
     expected = done(tmp_path, "expected").content_hash
