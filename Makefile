@@ -24,6 +24,8 @@ ARGS ?=
 # Two processes share the work; a numeric library's own threads would only get in their way.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# Containers often set it, and then each of the many processes compiles anew all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@sed -n 's/^# make /make /p' Makefile

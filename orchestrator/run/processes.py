@@ -1,4 +1,4 @@
-"""Pools of worker processes: no tracebacks at Ctrl-C, imports before the first job, ended with the parent."""
+"""Pools of worker processes: no tracebacks at Ctrl-C, ended with the parent."""
 
 import multiprocessing
 import os
@@ -6,9 +6,6 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-
-import numpy as np
-import pyarrow as pa
 
 
 @contextmanager
@@ -28,11 +25,10 @@ def interrupts_held(how: str = "SIG_BLOCK") -> Iterator[None]:
 
 
 def warm_up() -> None:
-    """Import what a first record imports (pyarrow asks for pandas): no part of a simulation's time.
+    """What a worker does before its first job: see to it that it ends with the parent, however that ends.
 
-    And end with the parent, however that ends: a worker that only waits for its next job would stay for ever.
+    One that only waits for its next job would stay for ever.
     """
-    pa.array(np.zeros(1))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -51,11 +51,14 @@ def test_a_set_of_scenes_is_no_scene() -> None:
         single("tuning")
 
 
-@pytest.mark.parametrize("up", [1.0, -1.0])
-def test_upright_and_level_half_spaces_reach_everywhere_behind_them(up: float) -> None:
+def test_an_upright_half_space_reaches_everywhere_behind_it() -> None:
     wall = guard.zones(of(HalfSpace(name="wall", point=(8.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0))))
     assert wall.sectors[0][0].r0 == pytest.approx(8.0, abs=0.01)
     assert not wall.sectors[guard.SECTORS // 2]
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_level_half_space_reaches_all_around(up: float) -> None:
     level = guard.zones(of(HalfSpace(name="roof", point=(0.0, 0.0, 15.0 * up), normal=(0.0, 0.0, -up))))
     assert all(len(rects) == 1 for rects in level.sectors)
 

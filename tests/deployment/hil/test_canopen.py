@@ -46,6 +46,7 @@ def fault(plant: Plant) -> str:
     return CODES[int(plant.shown("fault_code"))]
 
 
+@pytest.mark.long
 def test_it_drives_loses_a_device_stops_and_drives_again(plant: Plant):
     with Supervisor(plant.configuration("recorder")) as supervisor:
         until(plant, lambda: all_accepted(supervisor))

@@ -94,7 +94,7 @@ def test_whatever_comes_both_say_the_same(story: list[tuple[int, list[Frame]]], 
     pair.tick([], tick + 30)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_what_goes_out_is_the_same(data: st.DataObject) -> None:
     pair, outputs = Pair(), OUTPUT.new()

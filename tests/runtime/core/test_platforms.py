@@ -92,7 +92,7 @@ def test_aarch64_gives_the_same_bits_for_ten_minutes(controller: str, tmp_path: 
 
 
 @pytest.mark.qemu
-@pytest.mark.slow
+@pytest.mark.long
 @WITH_QEMU
 @WITH_LIBRARIES
 def test_a_recording_made_on_aarch64_repeats_here_and_one_of_here_there(tmp_path: Path) -> None:

@@ -16,11 +16,12 @@ import pytest
 from specs.errors import InputError
 from specs.schema import ROOT
 from tests.orchestrator.systems import OSCILLATOR, write_ssp
+from tests.verification.campaign import ending
 from verification.campaign import pool
 from verification.campaign.journal import Journal
 from verification.campaign.plan import digest, load_plan
 from verification.campaign.run import Campaign, run_campaign
-from verification.campaign.worker import Result, Task, work
+from verification.campaign.worker import work
 
 PLAN = """
 name = "short"
@@ -102,26 +103,11 @@ def test_where_a_scenario_lies_does_not_matter_but_what_it_says(tmp_path: Path) 
     assert set(digests[0]).isdisjoint(digests[2])
 
 
-def _killed_once(marker: str, tasks: Sequence[Task]) -> list[Result]:
-    """Ends its process in the middle of the first batch that it is given."""
-    if not Path(marker).exists():
-        Path(marker).touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return work(tasks)
-
-
-def _killed_by(key: str, tasks: Sequence[Task]) -> list[Result]:
-    """Ends its process whenever it is to do the run `key`."""
-    if any(task["key"] == key for task in tasks):
-        os.kill(os.getpid(), signal.SIGKILL)
-    return work(tasks)
-
-
-@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.long), 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_killed_worker_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int) -> None:
     written(tmp_path)
     expected = done(tmp_path, "expected").content_hash
-    once = functools.partial(_killed_once, str(tmp_path / "marker"))
+    once = functools.partial(ending.killed_once, str(tmp_path / "marker"))
     monkeypatch.setattr(pool, "local", functools.partial(pool.local, do=once))
     assert done(tmp_path, jobs=jobs).content_hash == expected
     assert (tmp_path / "marker").exists()
@@ -134,7 +120,9 @@ def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(
     written(tmp_path, [1, 2, 3])
     bad = "test/noisy/3"
     with monkeypatch.context() as patch:
-        patch.setattr(pool, "local", functools.partial(pool.local, do=functools.partial(_killed_by, bad)))
+        patch.setattr(
+            pool, "local", functools.partial(pool.local, do=functools.partial(ending.killed_by, bad))
+        )
         campaign = done(tmp_path, jobs=2)
     assert campaign.failed == [bad]
     assert campaign.results[bad]["failed"] == "its worker process ended 3 times during this run"
@@ -173,15 +161,9 @@ def test_ctrl_c_keeps_what_came(tmp_path: Path) -> None:
     assert done(tmp_path).done == 120 - kept
 
 
-def _sleepy(tasks: Sequence[Task]) -> list[Result]:
-    Path(tasks[0]["marker"]).write_text(str(os.getpid()))
-    time.sleep(60.0)
-    return []
-
-
 def _with_a_pool(folder: Path) -> None:
     tasks = [{"key": str(i), "ssp": "", "marker": str(folder / f"pid{i}")} for i in range(2)]
-    list(pool.local(tasks, 2, _sleepy))  # type: ignore[arg-type]
+    list(pool.local(tasks, 2, ending.sleepy))  # type: ignore[arg-type]
 
 
 @pytest.mark.long
