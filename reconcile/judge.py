@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from reconcile.ahead import ahead, confirmed, noise
-from reconcile.beam import BEHIND, Beam, Key
+from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.filter.point import Point
 from reconcile.model import Attached
+from reconcile.sets import BEHIND, Key
 from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
 MOST_DECLARED = 4

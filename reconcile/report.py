@@ -8,10 +8,10 @@ import numpy as np
 from reconcile import holdout, localise, tolerances
 from reconcile.ahead import horizon_s
 from reconcile.answer import Answer, standard_errors
-from reconcile.beam import Key
 from reconcile.data import Parts
 from reconcile.findings import STAGES, Findings, above, gather
 from reconcile.model import Attached
+from reconcile.sets import Key
 from reconcile.source import write_model
 from reconcile.verdict import Verdict, moved_parameters
 from records.scores import overall, rms, scores

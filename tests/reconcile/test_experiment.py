@@ -13,7 +13,7 @@ import pytest
 
 from learning.collection.plan import load_plan
 from reconcile.answer import Answer
-from reconcile.beam import Beam, Key
+from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.core import Core
 from reconcile.data import Block, Parts, Run, Signal, runs_of, split
@@ -27,6 +27,7 @@ from reconcile.experiment.predict import Bench
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.judge import Judged
 from reconcile.model import Folder
+from reconcile.sets import Key
 from records.formats import read_measurement
 from specs.errors import InputError
 from tests.reconcile.effects import delay, lag
