@@ -30,7 +30,8 @@ def overlay(number: int, stretch: Stretch) -> Figure:
     if stretch.inputs:
         names = ", ".join(c.name for c in stretch.inputs)
         panels.append((_inputs(stretch.inputs), _title(names, stretch.inputs[0].unit), {}))
-    title = f"{stretch.run}, {stretch.start_s:.1f} to {stretch.end_s:.1f} s"
+    digits = max(1, 1 - int(np.floor(np.log10(max(stretch.end_s - stretch.start_s, 1e-9)))))
+    title = f"{stretch.run}, {stretch.start_s:.{digits}f} to {stretch.end_s:.{digits}f} s"
     caption = (
         "Held out: nothing was fitted to it. Each model starts from its filtered state and runs by itself on "
         "the inputs alone, without the missing force. Errors are measured minus model."
