@@ -112,7 +112,10 @@ class TextTable:
             return (pair, unit) if pair and at == pair[0] else ([at], unit)
         if not named and of_time(heads[0].unit):
             named = [0]
-            self.notes.append(f"{heads[0].name}: taken as the time, its unit is {heads[0].unit}")
+            unit = heads[0].unit
+            called = heads[0].name or "the column without a name"
+            self.notes.append(f"{called}: taken as the time, its unit is {unit}")
+            heads[0] = Heading(heads[0].name or "time", unit, heads[0].text)
         column = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in named}
         if len(named) == 1:
             return named, heads[named[0]].unit or clock_unit(heads[named[0]].name)
