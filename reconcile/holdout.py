@@ -40,7 +40,7 @@ class Trace:
         return self.window.samples[name] - self.predicted[name]
 
     def at(self, name: str, recorded: np.ndarray) -> np.ndarray | None:
-        """Predicted samples [n] of an output at times of recording, nan beyond the stretch; None if all are."""
+        """Predicted samples [n] of an output at times of recording, nan beyond the stretch; None if all."""
         own = self.window.recorded[name]
         if not len(own) or not np.any((recorded >= own[0]) & (recorded <= own[-1])):
             return None
