@@ -66,7 +66,7 @@ def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
         value = point.values[a.name(q.name)]
         half = 1.96 * errors[a.name(q.name)]
         unit = answer.core.kalman.whole.unit(a, q.name)
-        parameters[q.name] = {"value": value, "unit": unit, "ci95": [value - half, value + half]}
+        parameters[q.name] = {"value": value, "unit": unit, "ci95": q.interval(value, half)}
     sure = all(a.effect.name in {x.effect.name for x in k} for k in answer.alternatives)
     gain_fit, gain_confirm = answer.judged.gains[a]
     return {

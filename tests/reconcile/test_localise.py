@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,6 +86,6 @@ def test_changes_of_a_command_are_looked_at_over_samples_of_the_recording(pace):
         outputs=slower(run.outputs),
     )
     folder = rig()
-    study = SimpleNamespace(model=folder.model, folder=folder, parts=split([run], (), ()), floors={})
+    study: Any = SimpleNamespace(model=folder.model, folder=folder, parts=split([run], (), ()), floors={})
     (step,) = (r for r in regimes.regressors(study) if r.kind == "step")
     assert step.label == f"change of force in {0.2 * pace:.3g} s"
