@@ -194,10 +194,10 @@ def _apart(found: Findings, other: Key) -> dict[str, Any]:
     for n in found.outputs:
         # a delay of a sensor moves samples into other steps, the last ones out of a short stretch
         pairs = [
-            other - a.predicted[n]
+            predicted - a.predicted[n]
             for a in here
             if (b := beside.get((a.window.run.name, a.window.start_s)))
-            and (other := b.at(n, a.window.recorded[n])) is not None
+            and (predicted := b.at(n, a.window.recorded[n])) is not None
         ]
         between = np.concatenate(pairs or [np.array([np.nan])])
         size = float(np.sqrt(np.nanmean(between**2))) if not np.isnan(between).all() else None
