@@ -20,6 +20,7 @@ from records.formats.tables import (
     check_twice,
     clock_name,
     clock_unit,
+    is_clock,
     one_clock,
     stated_clock,
 )
@@ -57,8 +58,7 @@ class TextTable:
         path = source.path
         self.path, self.options, self.notes = path, options, notes
         self.source, self.head = source, head
-        stated = [options.clock or "", *names]
-        clocks = [c for c in (options.clock, *(t for t, o in names.items() if o)) if c] if any(stated) else []
+        clocks = [c for c in (options.clock, *(t for t, o in names.items() if is_clock(o))) if c]
         clocks += [c.rsplit(" [", 1)[0] for c in clocks]
         self.layout = (
             lvm_layout(self.head, self.source)
