@@ -270,6 +270,12 @@ def test_what_is_driven_of_a_shape_is_said(lags, period, offset, part):
         assert f" (of that {np.min(told):.3g} to {np.max(told):.3g} N)" in text
 
 
+def test_long_times_are_said_without_powers_of_ten(lags):
+    e = Excitation("sine", ("force",), 0.5, 1758.3, 0.0, 27000.0)
+    figures = {"excitation": e.as_dict(), "ranges": {"force": [-20.0, 20.0]}, "tick_s": 10.0}
+    assert say.drive(lags.rig, figures).endswith("a sine of ±10 N and 1760 s for 27000 s")
+
+
 def test_nothing_is_proposed_where_nothing_is_open(lags):
     assert propose(lags.answer, "named") is None
 
