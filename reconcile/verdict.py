@@ -97,7 +97,7 @@ def _unexplained(answer: Answer) -> str:
     sure = next((k for k, p in kinds.items() if p >= SURE), None)
     sizes = answer.core.disturbances(answer.point.values)
     worst = max(sizes, key=lambda p: sizes[p])
-    where = f"; what is missing acts at {worst}, with {words.percent(sizes[worst])} of the forces there"
+    where = f"; what is missing acts at '{worst}', with {words.percent(sizes[worst])} of the forces there"
     kind = f"; its kind is sure: {sure}" if sure else ""
     return f"{text}{where}{kind}."
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from reconcile import verdict as verdicts
+from reconcile import judge as judges, verdict as verdicts
 from reconcile.catalogue import Scales
 from reconcile.free import LATEST, FreeParameters
 from reconcile.model import candidates
@@ -52,3 +52,27 @@ def test_no_delay_is_as_long_as_the_recording(rig):
     for a in late:
         for f in FreeParameters(rig, duration_s=40.0, memory_s=1.0).of_effect(a, scales):
             assert f.high <= LATEST * 40.0 or not f.name.endswith("delay")
+
+
+@pytest.mark.parametrize(
+    ("nats", "errors", "alike"),
+    [
+        (3.0, (0.01, 0.02), True),  # both below the noise: nothing ahead tells them apart
+        (30.0, (0.01, 0.02), False),  # but the samples do
+        (3.0, (0.10, 0.20), False),
+        (30.0, (0.10, 0.101), True),
+    ],
+)
+def test_one_lag_in_two_places_is_told_by_what_is_above_the_noise(
+    rig, monkeypatch, nats: float, errors: tuple[float, float], alike: bool
+):
+    every = candidates(rig, [*rig.ports.controls, *rig.ports.outputs])
+    here, there = (
+        next(frozenset({a}) for a in every if a.effect.name == n) for n in ("sensor_lag", "input_lag")
+    )
+    beam = SimpleNamespace(core=None, points={here: None, there: None}, ranked=lambda: [here, there])
+    beam.evidence = {here: 0.0, there: -nats}.__getitem__
+    monkeypatch.setattr(judges, "noise", lambda core, point: 0.03)
+    judge = judges.Judge(beam)
+    monkeypatch.setattr(judge, "ahead", dict(zip((here, there), errors, strict=True)).__getitem__)
+    assert judge._alike(here) == ([there] if alike else [])
