@@ -1,6 +1,7 @@
 """Which verdict comes first, and how well what agrees agrees."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -27,8 +28,8 @@ def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda core, point: {})
-    core = SimpleNamespace(known=lambda: {"drag": known}, disturbances=lambda values: {"v": 0.1})
-    answer = SimpleNamespace(
+    core: Any = SimpleNamespace(known=lambda: {"drag": known}, disturbances=lambda values: {"v": 0.1})
+    answer: Any = SimpleNamespace(
         core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={})
     )
     found = verdicts.judge(answer)
@@ -37,12 +38,13 @@ def test_an_error_left_is_said_before_too_little_excitation(
 
 
 def test_what_a_fit_takes_for_noise_beyond_the_sensors_own_is_error(monkeypatch):
-    core = SimpleNamespace(outputs=["y"], floors={"y": SimpleNamespace(level=0.1)}, spread={"y": 1.0})
+    core: Any = SimpleNamespace(outputs=["y"], floors={"y": SimpleNamespace(level=0.1)}, spread={"y": 1.0})
     monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.17, 0.16))  # as the fitted noise says
-    swallowed = SimpleNamespace(values={"noise of y": 0.4})
+    swallowed: Any = SimpleNamespace(values={"noise of y": 0.4})
     assert verdicts.beyond_noise(core, swallowed) == pytest.approx(4.0)
     monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.009, 0.01))
-    assert verdicts.beyond_noise(core, SimpleNamespace(values={"noise of y": 0.1})) == 0.0
+    quiet: Any = SimpleNamespace(values={"noise of y": 0.1})
+    assert verdicts.beyond_noise(core, quiet) == 0.0
 
 
 def test_no_delay_is_as_long_as_the_recording(rig):
@@ -70,7 +72,7 @@ def test_one_lag_in_two_places_is_told_by_what_is_above_the_noise(
     here, there = (
         next(frozenset({a}) for a in every if a.effect.name == n) for n in ("sensor_lag", "input_lag")
     )
-    beam = SimpleNamespace(core=None, points={here: None, there: None}, ranked=lambda: [here, there])
+    beam: Any = SimpleNamespace(core=None, points={here: None, there: None}, ranked=lambda: [here, there])
     beam.evidence = {here: 0.0, there: -nats}.__getitem__
     monkeypatch.setattr(judges, "noise", lambda core, point: 0.03)
     judge = judges.Judge(beam)
