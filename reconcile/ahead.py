@@ -47,12 +47,18 @@ def confirmed(core: Core, point: Point) -> float:
 
 
 def ahead(core: Core, point: Point, which: str = "confirm") -> float:
-    """Error ahead of a point; see Judge.ahead."""
+    """Error ahead of a point above its noise; see Judge.ahead."""
+    error, known = squares(core, point, which)
+    return float(np.sqrt(max(error - known, 0.0)))
+
+
+def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:
+    """Mean squares of the error ahead, noise and all, and of the noise, in spreads of the outputs."""
     ids = windows(core, which, horizon_s(core))
     run = core.kalman.run(point.values, point.present, windows=ids, own=True)
     if run is None:
-        return float("inf")
-    total, count = 0.0, 0
+        return float("inf"), 0.0
+    total, known, count = 0.0, 0.0, 0
     spread = np.array([core.spread[n] for n in core.outputs])
     noise = np.array([point.values[NOISE + n] for n in core.outputs])
     for f, i in zip(run, ids, strict=True):
@@ -60,6 +66,7 @@ def ahead(core: Core, point: Point, which: str = "confirm") -> float:
         good = ~np.isnan(error)
         # an error that runs away counts as the whole motion, not as more
         error = np.clip(error, -3.0, 3.0)
-        total += float(np.sum(np.where(good, error, 0.0) ** 2 - good * (noise / spread) ** 2))
+        total += float(np.sum(np.where(good, error, 0.0) ** 2))
+        known += float(np.sum(good * (noise / spread) ** 2))
         count += int(good.sum())
-    return float(np.sqrt(max(total, 0.0) / max(count, 1)))
+    return total / max(count, 1), known / max(count, 1)

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile.beam import Beam, Key
+from reconcile.beam import Beam
 from reconcile.core import Core
 from reconcile.filter.point import Point
 from reconcile.judge import Judged
 from reconcile.model import Attached
+from reconcile.sets import Key
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from reconcile import sites
 from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter
-from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
-from reconcile.filter.likelihood import NOISES
+from reconcile.filter.kalman import NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.free import FreeParameters

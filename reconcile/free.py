@@ -11,6 +11,7 @@ from reconcile.catalogue.effect import Parameter
 from reconcile.filter.point import Free
 from reconcile.model import Attached, Folder
 
+LATEST = 0.25  # of the longest recording: the most that a delay may be, so that enough is left to compare
 BROAD = 0.7  # log of a base parameter's ratio to its start: half or twice
 
 
@@ -58,6 +59,8 @@ class FreeParameters:
 
     def _own(self, a: Attached, q: Parameter, s: Scales, other: Scales) -> Free:
         low, high = q.bounds(s)
+        if a.effect.delays and q.unit == "s":
+            high = min(high, LATEST * self.duration_s)
         starts, scaleless = np.array(q.starts(s), float), q.unit == "s" or a.effect.clock
         if q.amplitude or np.min(starts) <= 0.0:
             size = self._unit_size(a, q.unit, s, other)

@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from reconcile.ahead import ahead, confirmed, noise
-from reconcile.beam import BEHIND, Beam, Key
+from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.filter.point import Point
 from reconcile.model import Attached
-from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
+from reconcile.sets import BEHIND, Key
+from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
@@ -127,7 +128,7 @@ class Judge:
         return found
 
     def _alike(self, answer: Key) -> list[Key]:
-        """Sets with the same effect in another place, that err ahead as little.
+        """Sets with the same effect in another place, that err ahead as little, or both less than the noise.
 
         What is late at the only input is late at all outputs: no likelihood should tell these two apart, and
         where one does, it is by how well a sample is described.
@@ -139,8 +140,10 @@ class Judge:
             if len(more) == len(less) == 1 and self.beam.evidence(key) > least:
                 (other,), (a,) = more, less
                 if other.effect.place != a.effect.place and _same(other.effect.name, a.effect.name):
-                    own = self.ahead(answer)
-                    found += [key] if own and self.ahead(key) < (1.0 + ALIKE) * own else []
+                    own, error = self.ahead(answer), self.ahead(key)
+                    close = self.beam.evidence(key) > self.beam.evidence(answer) - CLOSE
+                    hidden = close and max(own, error) < noise(self.core, self.beam.points[answer])
+                    found += [key] if hidden or (own and error < (1.0 + ALIKE) * own) else []
         return found
 
     def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:

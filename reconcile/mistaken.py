@@ -12,13 +12,13 @@ import numpy as np
 from reconcile import words
 from reconcile.ahead import ahead
 from reconcile.answer import Answer, standard_errors
-from reconcile.beam import effects, weighed
 from reconcile.core import Core
 from reconcile.data import Run, Signal
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.model import Attached
+from reconcile.sets import effects, weighed
 from reconcile.start.units import bare, known_ratios, turned_line, turns
 from reconcile.tolerances import EVIDENT, HALVED, LOST, MOVED, WRONG
 

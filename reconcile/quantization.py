@@ -49,16 +49,17 @@ class Quantization:
     @property
     def sentence(self) -> str:
         """The finding in words."""
-        found = f"{self.output} is recorded in steps of {self.step:.4g} {self.unit}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        found = f"{self.output} is recorded in steps of {self.step:.4g}{unit}"
         if self.verdict == "specified":
-            return f"{found}, which its sensor is specified for ({self.specified:.4g} {self.unit})"
+            return f"{found}, which its sensor is specified for ({self.specified:.4g}{unit})"
         if self.verdict == "below_noise":
-            return f"{found}, below its other noise ({self.noise:.3g} {self.unit})"
+            return f"{found}, below its other noise ({self.noise:.3g}{unit})"
         if self.verdict == "fine":
             return f"{found}, a small part of what it moves by"
         if self.specified:
-            return f"{found}; its sensor is specified for {self.specified:.4g} {self.unit}"
-        return f"{found}, coarser than its other noise ({self.noise:.3g} {self.unit})"
+            return f"{found}; its sensor is specified for {self.specified:.4g}{unit}"
+        return f"{found}, coarser than its other noise ({self.noise:.3g}{unit})"
 
     def figures(self) -> dict[str, Any]:
         """The finding as the report lists it."""

@@ -13,7 +13,7 @@ import numpy as np
 from reconcile.data import Parts
 from reconcile.words import written
 
-CHANGE_S = 0.2  # over which a command's change is looked at
+CHANGE = 10  # samples over which a command's change is looked at
 
 
 class Known(Protocol):
@@ -67,7 +67,9 @@ def regressors(study: Known) -> list[Regressor]:
         kind = "command" if name in study.folder.ports.controls else "load"
         found.append(Regressor(kind, name, name, units[name]))
         if kind == "command":
-            found.append(Regressor("step", name, f"change of {name} in {CHANGE_S:g} s", units[name]))
+            found.append(
+                Regressor("step", name, f"change of {name} in {_change_s(study):.3g} s", units[name])
+            )
     seen = {r.unit for r in found}
     found += [Regressor("reading", n, n, units[n]) for n in study.floors if units[n] not in seen]
     return found
@@ -82,7 +84,7 @@ def values(study: Known, r: Regressor, window: Any, times: np.ndarray, states: n
         return np.gradient(v, times) if len(v) > 1 else np.zeros(len(v))
     signal = window.run.outputs[r.port] if r.kind == "reading" else window.run.inputs[r.port]
     now = _held(signal, times)
-    return now - _held(signal, times - CHANGE_S) if r.kind == "step" else now
+    return now - _held(signal, times - _change_s(study)) if r.kind == "step" else now
 
 
 def regimes(r: Regressor, x: np.ndarray) -> list[Regime]:
@@ -139,6 +141,11 @@ def _rounded(value: float) -> float:
 
 def _held(signal, times: np.ndarray) -> np.ndarray:
     return signal.values[np.clip(np.searchsorted(signal.time, times + 1e-9) - 1, 0, None)]
+
+
+def _change_s(study: Known) -> float:
+    """Time over which a command's change is looked at: it scales with the recordings."""
+    return CHANGE * min(b.run.period_s for b in study.parts.fit)
 
 
 def _units(study: Known) -> dict[str, str]:

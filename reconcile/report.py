@@ -8,10 +8,10 @@ import numpy as np
 from reconcile import holdout, localise, tolerances
 from reconcile.ahead import horizon_s
 from reconcile.answer import Answer, standard_errors
-from reconcile.beam import Key
 from reconcile.data import Parts
 from reconcile.findings import STAGES, Findings, above, gather
 from reconcile.model import Attached
+from reconcile.sets import Key
 from reconcile.source import write_model
 from reconcile.verdict import Verdict, moved_parameters
 from records.scores import overall, rms, scores
@@ -66,7 +66,7 @@ def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
         value = point.values[a.name(q.name)]
         half = 1.96 * errors[a.name(q.name)]
         unit = answer.core.kalman.whole.unit(a, q.name)
-        parameters[q.name] = {"value": value, "unit": unit, "ci95": [value - half, value + half]}
+        parameters[q.name] = {"value": value, "unit": unit, "ci95": q.interval(value, half)}
     sure = all(a.effect.name in {x.effect.name for x in k} for k in answer.alternatives)
     gain_fit, gain_confirm = answer.judged.gains[a]
     return {
@@ -190,16 +190,18 @@ def _apart(found: Findings, other: Key) -> dict[str, Any]:
     if here is None or there is None:
         return {"effects": names, "differs": None, "gap": None}
     beside = {(t.window.run.name, t.window.start_s): t for t in there}
-    differs = {}
+    differs: dict[str, float | None] = {}
     for n in found.outputs:
         # a delay of a sensor moves samples into other steps, the last ones out of a short stretch
         pairs = [
-            np.interp(a.window.times[n], b.window.times[n], b.predicted[n]) - a.predicted[n]
+            predicted - a.predicted[n]
             for a in here
-            if (b := beside.get((a.window.run.name, a.window.start_s))) and len(b.window.times[n])
+            if (b := beside.get((a.window.run.name, a.window.start_s)))
+            and (predicted := b.at(n, a.window.recorded[n])) is not None
         ]
-        between = np.concatenate(pairs)
-        differs[n] = float(np.sqrt(np.mean(between**2))) / found.floors[n].level
+        between = np.concatenate(pairs or [np.array([np.nan])])
+        size = float(np.sqrt(np.nanmean(between**2))) if not np.isnan(between).all() else None
+        differs[n] = None if size is None else size / found.floors[n].level
     left = {n: above(rms(holdout.pairs(there, n)), found.floors[n]) for n in found.outputs}
     return {"effects": names, "differs": differs, "gap": left}
 

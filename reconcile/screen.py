@@ -29,20 +29,24 @@ class Scored:
     start: int = 0  # which of the effect's starts it is
     whole: float = 0.0  # nats that these values gain, all else as it is; below nothing they are far too much
 
+    @property
+    def own(self) -> Values:
+        """What they say of the effect itself."""
+        return {n: v for n, v in self.values.items() if n.startswith(self.attached.key + ".")}
+
 
 class Screen:
     """Scores at a fitted point."""
 
     def __init__(self, core: Core, point: Point, shapes: Shapes):
         self.core, self.point, self.fitter, self.shapes = core, point, core.fitter, shapes
-        free, self.e, self.s = point.free, point.e, point.s
+        self.e, self.s = point.e, point.s
         self.loss = float(self.fitter.loss(self.e, self.s).sum())
         de, ds = point.slopes
         moving = ~point.held
         self.de, self.ds = de[:, moving], ds[:, moving]
         _, information = self.fitter.score(self.e, self.s, self.de, self.ds)
         self.known = np.linalg.inv(information + np.eye(int(moving.sum())))
-        del free
 
     def all(
         self, candidates: Sequence[Attached], starts: Mapping[Attached, int] | None = None

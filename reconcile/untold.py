@@ -125,12 +125,12 @@ def _advice(folder: Folder, recorded, name: str) -> dict[str, object]:
         lines = [n for n, d in model.delays.items() if d == name]
         if not lines:
             return {"parameter": name, "because": "no recorded output depends on it", "drive": []}
-        return {"parameter": name, "because": f"{lines[0]} moves too little", "drive": lines}
+        return {"parameter": name, "because": f"{lines[0]} shows too little of it", "drive": lines}
     symbols = {s.name() for s in ca.symvar(slope)}
     moving = [v.name for v in (*model.states, *model.inputs) if v.name in symbols]
     drive = [v.name for v in model.inputs if v.name in symbols] + _movers(folder, symbols)
     drive = [n for n in dict.fromkeys(drive) if n in folder.ports.controls]
-    because = f"{' and '.join(moving)} {'moves' if len(moving) == 1 else 'move'} too little"
+    because = f"{' and '.join(moving)} {'shows' if len(moving) == 1 else 'show'} too little of it"
     return {"parameter": name, "because": because if moving else "it hardly shows", "drive": drive}
 
 

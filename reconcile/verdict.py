@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from reconcile import words
-from reconcile.ahead import ahead, noise
+from reconcile.ahead import ahead, squares
 from reconcile.answer import Answer, standard_errors
 from reconcile.core import Core
+from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
@@ -39,8 +40,8 @@ def moved_parameters(core: Core, point: Point) -> dict[str, dict[str, Any]]:
     return found
 
 
-def unseen(core: Core) -> list[str]:
-    """Outputs that do not move, inputs that do not, and parameters that nothing tells."""
+def still(core: Core) -> list[str]:
+    """Outputs that do not move, and inputs that do not."""
     found = []
     for name in core.outputs:
         values = [b.run.outputs[name].values for b in core.parts.fit]
@@ -50,17 +51,23 @@ def unseen(core: Core) -> list[str]:
         values = [b.run.inputs[name].values for b in core.parts.fit if name in b.run.inputs]
         if values and max(float(np.ptp(v)) for v in values) == 0.0:
             found.append(f"input {name} is constant")
-    known = core.known()
-    if known and not any(k < KNOWN for k in known.values()):
-        found.append(f"nothing tells {', '.join(known)}")
     return found
+
+
+def beyond_noise(core: Core, point: Point) -> float:
+    """Error ahead in levels of the outputs' noise.
+
+    What a fit takes for noise beyond the sensors' own level, as samples in a row show it, is error.
+    """
+    own = [min(point.values[NOISE + n], core.floors[n].level) / core.spread[n] for n in core.outputs]
+    return float(np.sqrt(max(squares(core, point)[0] / np.mean(np.square(own)) - 1.0, 0.0)))
 
 
 def judge(answer: Answer) -> Verdict:
     """The verdict on an answer."""
     core, point = answer.core, answer.point
-    share = ahead(core, point)
-    left = "unexplained" if share > AT_FLOOR * noise(core, point) else "at_floor"
+    beyond = beyond_noise(core, point)
+    left = "unexplained" if beyond > AT_FLOOR else "at_floor"
     names = words.together(_pairs(answer.present))
     if answer.present and answer.alternatives:
         sets = (answer.present, *answer.alternatives)
@@ -68,24 +75,29 @@ def judge(answer: Answer) -> Verdict:
     if answer.present:
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return Verdict("named", f"The model lacks {names}{rest}.", left)
-    if missing := unseen(core):
+    if missing := still(core):
         return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
     if left == "unexplained":
-        return Verdict("unexplained", _unexplained(answer, share), left)
+        return Verdict("unexplained", _unexplained(answer), left)
+    known = core.known()
+    if known and not any(k < KNOWN for k in known.values()):
+        text = f"Too little excitation: nothing tells {', '.join(known)}."
+        return Verdict("insufficient_excitation", text, left)
     if moved := moved_parameters(core, point):
         return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
-    return Verdict("agrees", "Model and recordings agree within the noise.", left)
+    within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"
+    return Verdict("agrees", f"Model and recordings agree within {within}.", left)
 
 
-def _unexplained(answer: Answer, share: float) -> str:
+def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
-    errs = words.percent(share)
+    errs = words.percent(ahead(answer.core, answer.point))
     text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
     kinds = answer.judged.kinds
     sure = next((k for k, p in kinds.items() if p >= SURE), None)
     sizes = answer.core.disturbances(answer.point.values)
     worst = max(sizes, key=lambda p: sizes[p])
-    where = f"; what is missing acts at {worst}, with {words.percent(sizes[worst])} of the forces there"
+    where = f"; what is missing acts at '{worst}', with {words.percent(sizes[worst])} of the forces there"
     kind = f"; its kind is sure: {sure}" if sure else ""
     return f"{text}{where}{kind}."
 

@@ -29,15 +29,15 @@ def overall(found: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
 
 
 def rms(pairs: Pairs) -> float:
-    """Root mean square of measured minus predicted."""
-    if not pairs:
+    """Root mean square of measured minus predicted; NaN without a sample."""
+    if not any(len(a) for a, _ in pairs):
         return float("nan")
     return float(np.sqrt(np.mean(np.concatenate([a - b for a, b in pairs]) ** 2)))
 
 
 def fit_percent(pairs: Pairs) -> float:
-    """100 (1 − |measured − predicted| / |measured − its mean|), in %."""
-    if not pairs:
+    """100 (1 − |measured − predicted| / |measured − its mean|), in %; NaN without a sample."""
+    if not any(len(a) for a, _ in pairs):
         return float("nan")
     measured = np.concatenate([a for a, _ in pairs])
     left = float(np.linalg.norm(measured - np.concatenate([b for _, b in pairs])))

@@ -23,9 +23,9 @@ from reconcile.closed.windows import MARGIN_S, Window, cut
 from reconcile.data import Run, Signal
 from reconcile.localise import Located
 from reconcile.ports import Axis
-from reconcile.regimes import CHANGE_S
 from reconcile.residual import Residual
 
+CHANGE_S = 0.2  # over which a rate is taken
 LAGS, LAG_S = 2, 0.1  # earlier errors that later ones follow from
 OWN = 0.3  # of a speed's size: by which a position's sample differences may differ from it
 

@@ -44,8 +44,8 @@ def drive(folder: Folder, figures: dict[str, Any]) -> str:
     shown = "" if unit == "1" else f" {unit}"
     text = KINDS[e.kind].format(
         a=f"{e.amplitude * half:.3g}{shown}",
-        p=f"{e.period_s:.3g} s",
-        s=f"{e.fastest_s:.3g} s",
+        p=_seconds(e.period_s),
+        s=_seconds(e.fastest_s),
     )
     centre = e.centre(low, high)
     around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""
@@ -55,7 +55,12 @@ def drive(folder: Folder, figures: dict[str, Any]) -> str:
     cut = min(high - centre, centre - low) < WHOLE * e.amplitude * half
     around += f" (of that {low:.3g} to {high:.3g}{shown})" if cut else ""
     begin = "".join(f", {n} starting from {v:.3g}" for n, v in e.start)
-    return f"drive {' and '.join(e.inputs)} with {text}{around} for {e.duration_s:g} s{begin}"
+    return f"drive {' and '.join(e.inputs)} with {text}{around} for {_seconds(e.duration_s)}{begin}"
+
+
+def _seconds(time: float) -> str:
+    """A time to three digits, without powers of ten where people write none."""
+    return f"{float(f'{time:.3g}'):g} s"
 
 
 def between(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
@@ -69,7 +74,7 @@ def between(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
         least = min(p["predicted_margin"] for p in told)
         parts.append(
             f"To tell {what}, {drive(folder, figures)}: a margin of "
-            f"{least:.3g} is predicted, {needed:g} is needed.{_range(figures, limits)}"
+            f"{least:.3g} is predicted, {needed:.3g} is needed.{_range(figures, limits)}"
         )
     if untold:
         what = "; ".join(_pair(p) for p in untold)
@@ -122,6 +127,4 @@ def _range(figures: dict[str, Any], limits: Limits) -> str:
         return ""
     spans = figures["predicted_range"]
     moved = ", ".join(f"{n} from {spans[n][0]:.3g} to {spans[n][1]:.3g}" for n in loose)
-    return (
-        f" No limits of the outputs are stated; with the model as it came and as fitted {moved} are expected."
-    )
+    return f" No limits of the outputs are stated; with the model as it came and as fitted, expect {moved}."

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconcile.filter.likelihood import NOISES, Likelihood
+from reconcile.filter.likelihood import Likelihood
 from reconcile.filter.point import At, Free, Point
 from reconcile.model import Attached
 
@@ -53,7 +53,7 @@ class Descent:
         de, ds = near.slopes
         if len(de) == len(self.at.e):
             columns = zip(near.free, de.T, ds.T, strict=True)
-            self.kept = {f.name: (e, s) for f, e, s in columns if not f.name.startswith(NOISES)}
+            self.kept = {f.name: (e, s) for f, e, s in columns if not f.of_noise}
             self.age, self.since = (0, 0.0) if near.loss == self.at.loss else (1, np.inf)
 
     def forget(self) -> None:
@@ -69,8 +69,8 @@ class Descent:
             self.forget()
         if not self.kept:
             self.age, self.since = 0, 0.0
-        noise = [f for f in self.free if f.name.startswith(NOISES) and f.name not in self.by_noise]
-        motion = [f for f in self.free if not f.name.startswith(NOISES) and f.name not in self.kept]
+        noise = [f for f in self.free if f.of_noise and f.name not in self.by_noise]
+        motion = [f for f in self.free if not f.of_noise and f.name not in self.kept]
         return self._made(motion, self.kept) and self._made(noise, self.by_noise)
 
     def _made(self, asked: list[Free], known: Columns) -> bool:

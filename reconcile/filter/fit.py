@@ -7,7 +7,7 @@ import numpy as np
 
 from reconcile.filter.descent import Descent
 from reconcile.filter.kalman import Values
-from reconcile.filter.likelihood import NOISES, Likelihood
+from reconcile.filter.likelihood import Likelihood
 from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 
@@ -63,6 +63,6 @@ class Fitter(Likelihood):
         self, start: Values, present: Sequence[Attached], free: Sequence[Free], iterations: int, **more: Any
     ) -> Point | None:
         """`fit`, with the noise left as it is at first: slow motion, before the disturbance takes it up."""
-        motion = [f for f in free if not f.name.startswith(NOISES)]
+        motion = [f for f in free if not f.of_noise]
         first = self.fit(start, present, motion, iterations, own=more.get("own", False)) if motion else None
         return self.fit(first.values if first else start, present, free, iterations, **more)

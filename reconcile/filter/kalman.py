@@ -21,7 +21,7 @@ Values = dict[str, float]  # parameters of the model, its effects and the noise,
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 NOTHING = np.empty((0, 0))
 FOLLOWED = 4  # substeps, at least, where an effect of an input moves within a step
-SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
+NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
 
 @dataclass

@@ -9,8 +9,6 @@ from reconcile.filter.point import At, Free
 from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
 
-NOISES = (SIGMA, TAU, WHITE, NOISE)
-
 
 class Likelihood:
     """Likelihood over the scored samples of a filter; `scored` [n] a recording, `period` the shortest (s)."""
@@ -46,7 +44,7 @@ class Likelihood:
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Slopes of e and of log s by the coordinates of `free` [n, K]."""
         de, ds = np.zeros((2, len(e), len(free)))
-        noise = [j for j, f in enumerate(free) if f.name.startswith(NOISES)]
+        noise = [j for j, f in enumerate(free) if f.of_noise]
         if noise:
             made = self._by_noise(values, present, [free[j] for j in noise], own)
             if made is None:

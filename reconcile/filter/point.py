@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile.filter.kalman import Values
+from reconcile.filter.kalman import NOISES, Values
 from reconcile.model import Attached
 
 
@@ -19,6 +19,11 @@ class Free:
     low: float = -np.inf
     high: float = np.inf
     scaleless: bool = False  # its size only says how it is searched: any size is as likely beforehand
+
+    @property
+    def of_noise(self) -> bool:
+        """Whether it says how large noise and disturbances are, and moves no equation."""
+        return self.name.startswith(NOISES)
 
     def value(self, z: float) -> float:
         """The parameter at a coordinate."""

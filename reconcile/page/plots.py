@@ -30,7 +30,8 @@ def overlay(number: int, stretch: Stretch) -> Figure:
     if stretch.inputs:
         names = ", ".join(c.name for c in stretch.inputs)
         panels.append((_inputs(stretch.inputs), _title(names, stretch.inputs[0].unit), {}))
-    title = f"{stretch.run}, {stretch.start_s:.1f} to {stretch.end_s:.1f} s"
+    digits = max(1, 1 - int(np.floor(np.log10(max(stretch.end_s - stretch.start_s, 1e-9)))))
+    title = f"{stretch.run}, {stretch.start_s:.{digits}f} to {stretch.end_s:.{digits}f} s"
     caption = (
         "Held out: nothing was fitted to it. Each model starts from its filtered state and runs by itself on "
         "the inputs alone, without the missing force. Errors are measured minus model."
@@ -208,7 +209,7 @@ def _errors(c: Course, scored_s: float) -> tuple[list[dict[str, Any]], str, dict
             error = c.measured - c.predicted[stage]
             look = {"line": {"color": COLOURS[stage], "width": WIDTHS[stage]}}
             found.append(_points(c.time, error, LABELS[stage], **look))
-            largest = max(largest, float(np.max(np.abs(error[after]), initial=0.0)))
+            largest = max(largest, float(np.nanmax(np.abs(error[after]), initial=0.0)))
     edge = {"line": {"color": "#b9c1c9", "width": 1, "dash": "dash"}, "mode": "lines", "type": "scatter"}
     ends = [float(c.time[0]), float(c.time[-1])]
     for side in (2.0, -2.0):
@@ -229,11 +230,11 @@ def _inputs(inputs: Sequence[Course]) -> list[dict[str, Any]]:
 def _range(c: Course) -> dict[str, Any]:
     """All of what was measured and of the fitted models; a model that runs off is cut at its own height."""
     kept = [c.measured, *(v for s, v in c.predicted.items() if s != "nominal")]
-    low, high = float(min(np.min(v) for v in kept)), float(max(np.max(v) for v in kept))
+    low, high = float(min(np.nanmin(v) for v in kept)), float(max(np.nanmax(v) for v in kept))
     height = max(high - low, 4.0 * c.floor)
     first = c.predicted.get("nominal", c.measured)
-    low = min(low, max(float(np.min(first)), low - height))
-    high = max(high, min(float(np.max(first)), high + height))
+    low = min(low, max(float(np.nanmin(first)), low - height))
+    high = max(high, min(float(np.nanmax(first)), high + height))
     return {"range": [low - 0.06 * height, high + 0.06 * height]}
 
 

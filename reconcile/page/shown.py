@@ -174,14 +174,10 @@ def _stretch(found: Findings, k: int) -> Stretch:
     units = {v.name: v.unit for v in (*found.core.model.outputs, *found.core.model.inputs)}
     outputs, window = [], one.window
     for n in found.outputs:
-        # with a sensor's delay fitted, samples lie in other steps
-        predicted = {
-            s: np.interp(window.times[n], t[k].window.times[n], t[k].predicted[n])
-            for s, t in known.items()
-            if len(t[k].window.times[n])
-        }
+        # with a sensor's delay fitted, the stretch has later samples
+        predicted = {s: p for s, t in known.items() if (p := t[k].at(n, window.recorded[n])) is not None}
         level = found.floors[n].level
-        outputs.append(Course(n, units[n], level, window.times[n], window.samples[n], predicted))
+        outputs.append(Course(n, units[n], level, window.recorded[n], window.samples[n], predicted))
     inputs = []
     for n in found.core.folder.ports.controls:
         signal = window.run.inputs.get(n)

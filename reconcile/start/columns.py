@@ -10,6 +10,7 @@ import numpy as np
 from reconcile.start.units import known_ratios
 from records.formats import read_measurement
 from records.formats.units import OTHERS, is_unit, spelled
+from records.measurement import Measurement
 from specs.errors import InputError
 from specs.units import compatible
 
@@ -66,7 +67,11 @@ class Column:
 
 def read_columns(path: Path) -> list[Column]:
     """The columns with numbers and their roles; InputError for a recording that no model can start from."""
-    measured = read_measurement(path)
+    return columns_of(read_measurement(path), path)
+
+
+def columns_of(measured: Measurement, path: Path) -> list[Column]:
+    """The same of a recording that is read."""
     found = [_column(c) for c in measured.channels.values() if _numbers(c.values)]
     if not found:
         raise InputError(f"{path} has no column of numbers beside the time")
@@ -144,10 +149,10 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
                 found[i] = replace(c, role="velocity", reason=text)
                 break
     unknown = [i for i, c in enumerate(found) if not c.role and not c.constant]
-    if not any(c.role == "input" for c in found) and len(unknown) < sum(not c.constant for c in found):
-        for i in unknown:
-            if float(np.mean(np.diff(found[i].values) == 0.0)) > HELD:
-                found[i] = replace(found[i], role="input", reason="guessed: it moves in steps")
+    held = [i for i in unknown if float(np.mean(np.diff(found[i].values) == 0.0)) > HELD]
+    if not any(c.role == "input" for c in found) and len(held) < sum(not c.constant for c in found):
+        for i in held:
+            found[i] = replace(found[i], role="input", reason="guessed: it moves in steps")
     unknown = [i for i in unknown if not found[i].role]
     if len(unknown) == 1 and positions and not any(c.role == "input" for c in found):
         text = "guessed: nothing else is left that could drive it"

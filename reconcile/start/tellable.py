@@ -52,7 +52,7 @@ def told(core: Core, runs: Sequence[Run]) -> dict[str, Any]:
         "unseen": untold.unseen(core),
         "effects": {a.key: _effect(screen, a) for a in core.candidates if a.effect.amplitudes},
         "untold": untold.untold(core.folder, runs),
-        "notes": list(units.notes(runs)),
+        "notes": [*(f"{r.name}: {n}" for r in runs for n in r.notes), *units.notes(runs)],
         "seed": 0,
         "versions": {"slewright": VERSION},
     }

@@ -9,8 +9,9 @@ import numpy as np
 
 from reconcile import target
 from reconcile.start import estimate, templates
-from reconcile.start.columns import Column, is_of, read_columns
+from reconcile.start.columns import Column, columns_of, is_of
 from reconcile.start.templates import MOVES, TURNS, Draft, Motion, Quantity
+from records.formats import read_measurement
 from records.formats.units import converted
 from specs.errors import InputError
 from specs.units import known
@@ -19,6 +20,8 @@ ESTIMATED = "estimated from the recording by least squares"
 SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
 GUESS = "a guess: the recording does not tell it in this way; put in what you know"
 EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
+UNTIMED = "the time states no unit: taken as s"
+TURNS_BACK = 4  # times that a pendulum passes where it hangs, to be one that swings and does not go round
 SURE = 3.0  # deviations from zero that a coefficient must have to be used
 
 
@@ -30,7 +33,8 @@ def start(recording: Path, out: Path, template: str | None = None, dof: int | No
         raise InputError("--dof N goes with --template chain, N from 1 on")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out} is there and not empty; name a new folder for --init")
-    columns = read_columns(recording)
+    measured = read_measurement(recording)
+    columns = columns_of(measured, recording)
     usable = [c for c in columns if not c.constant]
     if not usable:
         raise InputError(f"{recording}: every column keeps one value, so there is nothing to model")
@@ -47,6 +51,11 @@ def start(recording: Path, out: Path, template: str | None = None, dof: int | No
     with target.staged(out) as part:
         (part / "model.py").write_text(model, encoding="utf-8")
         (part / "map.toml").write_text(_map(used), encoding="utf-8")
+    if UNTIMED in measured.repairs:
+        said.append(
+            f"time: the file states no unit; taken as s, it has a sample every {step:g} s; "
+            "--clock 'NAME [ms]' says that it is another"
+        )
     said += [f"{ours}: column {c.name} ({c.reason or 'as the only one left'})" for ours, c in used.items()]
     return said + [n for n in notes if "not used" in n]
 
@@ -92,6 +101,8 @@ def _first(usable: Sequence[Column], role: str, kind: Motion, joint: int | None 
 
 def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
     kind = MOVES if template == "linear" else TURNS
+    if template == "pendulum":
+        usable = [_in_degrees(c) if c.role == "position" else c for c in usable]
     found = {r: c for r in ("position", "velocity") if (c := _first(usable, r, kind))}
     if not found:
         listed = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in usable[:8])
@@ -111,6 +122,16 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
     templates.axis(draft, kind, list(found), unit, template == "pendulum")
     draft.parameters = _axis_values(template, kind, found, drive, unit)
     return draft, used
+
+
+def _in_degrees(angle: Column) -> Column:
+    """An angle without a unit that swings beyond a turn to either side is in degrees: no pendulum does."""
+    values = angle.values - np.median(angle.values)
+    passes = int(np.count_nonzero(np.diff(np.sign(values))))
+    if angle.unit or passes < TURNS_BACK or np.max(np.abs(values)) < 2.0 * np.pi:
+        return angle
+    text = f"guessed to be in degrees: it swings to ±{np.max(np.abs(values)):.3g}"
+    return replace(angle, unit="deg", reason=text)
 
 
 def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -> Column | None:

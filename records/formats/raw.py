@@ -51,7 +51,8 @@ class Group:
         """Where a row stands, for messages."""
         number = index + 1 if self.numbers is None else self.numbers[index]
         of = f" of {self.name}" if self.name else ""
-        return f"{self.row} {number}{of} at {self.shown + self.time[index]:.9g} s"
+        time = self.shown + self.time[index]
+        return f"{self.row} {number}{of}" + (f" at {time:.9g} s" if np.isfinite(time) else "")
 
 
 @dataclass(frozen=True)

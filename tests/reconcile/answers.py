@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reconcile.answer import Answer
-from reconcile.beam import Beam, Key
+from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.core import Core
@@ -13,6 +13,7 @@ from reconcile.findings import Findings, gather
 from reconcile.judge import Judge, Judged
 from reconcile.model import Folder, read_folder
 from reconcile.screen import Screen
+from reconcile.sets import Key
 from tests.reconcile.truth import Truth, record
 
 RIG = Path(__file__).with_name("rig")

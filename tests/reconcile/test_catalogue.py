@@ -124,6 +124,19 @@ def test_every_name_of_the_contract_at_inputs_axes_and_outputs_is_there():
         assert effect.amplitudes or effect.gated
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "half", "expected"),
+    [
+        ("sensor_lag", 0.015, 0.018, [0.0, 0.033]),
+        ("sensor_lag", 0.015, 0.001, [0.014, 0.016]),
+        ("sensor_bias", 0.1, 0.3, [-0.2, 0.4]),
+    ],
+)
+def test_an_interval_ends_where_the_parameter_does(name, value, half, expected):
+    effect = next(e for e in ALL if e.key == name)
+    assert effect.parameters[0].interval(value, half) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize("name", ["rig", "stepped", "arm"])
 def test_absent_effects_leave_the_base_model_as_it_is(rig, stepped, name):
     folder = {"rig": rig, "stepped": stepped}.get(name) or read_folder(name)

@@ -11,7 +11,7 @@ from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.core import Core
 from reconcile.data import Run, Signal, split
-from reconcile.filter.likelihood import NOISES
+from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Free
 from reconcile.judge import Judge
 from reconcile.model import Folder
@@ -218,8 +218,8 @@ def test_what_an_effect_covers_is_not_asked_beside_it(friction: Beam):
         ("asymmetric_viscous_friction@v", "viscous_friction@v"),
     ):
         for one, other in ((larger, smaller), (smaller, larger)):
-            assert by_key[other] not in beam._beside(frozenset({by_key[one]}))
-        assert by_key["quadratic_drag@v"] in beam._beside(frozenset({by_key[larger]}))
+            assert by_key[other] not in beam.beside(frozenset({by_key[one]}))
+        assert by_key["quadratic_drag@v"] in beam.beside(frozenset({by_key[larger]}))
 
 
 def test_a_clock_that_gains_a_thousandth_is_the_first_to_be_asked():

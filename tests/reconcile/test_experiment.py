@@ -13,7 +13,7 @@ import pytest
 
 from learning.collection.plan import load_plan
 from reconcile.answer import Answer
-from reconcile.beam import Beam, Key
+from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.core import Core
 from reconcile.data import Block, Parts, Run, Signal, runs_of, split
@@ -27,6 +27,7 @@ from reconcile.experiment.predict import Bench
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.judge import Judged
 from reconcile.model import Folder
+from reconcile.sets import Key
 from records.formats import read_measurement
 from specs.errors import InputError
 from tests.reconcile.effects import delay, lag
@@ -267,6 +268,12 @@ def test_what_is_driven_of_a_shape_is_said(lags, period, offset, part):
     if part:
         told = commands(e, {"force": (-20.0, 20.0)}, PERIOD)["force"]
         assert f" (of that {np.min(told):.3g} to {np.max(told):.3g} N)" in text
+
+
+def test_long_times_are_said_without_powers_of_ten(lags):
+    e = Excitation("sine", ("force",), 0.5, 1758.3, 0.0, 27000.0)
+    figures = {"excitation": e.as_dict(), "ranges": {"force": [-20.0, 20.0]}, "tick_s": 10.0}
+    assert say.drive(lags.rig, figures).endswith("a sine of ±10 N and 1760 s for 27000 s")
 
 
 def test_nothing_is_proposed_where_nothing_is_open(lags):

@@ -16,7 +16,6 @@ from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Kalman
 from reconcile.filter.library import HERE
-from reconcile.filter.likelihood import NOISES
 from reconcile.filter.point import Free
 from reconcile.model import Folder, candidates
 from records.measurement import Measurement
@@ -142,7 +141,7 @@ def test_slopes_by_the_noise_are_those_of_differences(folder):
     kalman = Kalman(folder, (), models.recorded(one), names)
     kalman.substeps = 2
     values = models.noise(kalman, SIGMA, TAU, WHITE, 2.0)
-    free = [Free(n, v, 0.5, True) for n, v in values.items() if n.startswith(NOISES)]
+    free = [f for n, v in values.items() if (f := Free(n, v, 0.5, True)).of_noise]
     assert len(free) == 3 * len(kalman.places) + len(names)
     fitter = Fitter(kalman, [np.ones(len(r.time), bool) for r in kalman.records])
     at = fitter.innovations(values, ())

@@ -1,11 +1,16 @@
 """Where the disagreement is: the regime in plain words, what it goes with, and no regime for a constant."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from reconcile import localise
+from reconcile import localise, regimes
+from reconcile.data import split
 from reconcile.localise import THROUGHOUT
-from tests.reconcile.answers import answered, recorded
+from tests.reconcile.answers import answered, recorded, rig
 from tests.reconcile.effects import SINGLE, dead_zone, lag
 from tests.reconcile.truth import Truth, coulomb
 
@@ -65,3 +70,22 @@ def test_the_residual_force_has_the_missing_ones_shape_with_wrong_parameters_as_
     assert located.best == pose
     x, means = located.against[pose], located.values
     assert np.corrcoef(x, means)[0, 1] < -0.85
+
+
+@pytest.mark.parametrize("pace", [1e-3, 1.0, 450.0])
+def test_changes_of_a_command_are_looked_at_over_samples_of_the_recording(pace):
+    def slower(signals):
+        return {n: replace(s, time=pace * s.time) for n, s in signals.items()}
+
+    (run,) = recorded(Truth(), seconds=24.0)
+    run = replace(
+        run,
+        start_s=pace * run.start_s,
+        end_s=pace * run.end_s,
+        inputs=slower(run.inputs),
+        outputs=slower(run.outputs),
+    )
+    folder = rig()
+    study: Any = SimpleNamespace(model=folder.model, folder=folder, parts=split([run], (), ()), floors={})
+    (step,) = (r for r in regimes.regressors(study) if r.kind == "step")
+    assert step.label == f"change of force in {0.2 * pace:.3g} s"

@@ -49,6 +49,14 @@ def test_steps_coarser_than_the_noise_are_named_with_their_size(rig):
     assert step["unit"] == "m"
 
 
+def test_counts_have_no_unit_behind_their_steps(rig):
+    position = replace(rig.model.outputs[0], unit="1")
+    counted = replace(rig.model, outputs=(position, *rig.model.outputs[1:]))
+    (found,) = examine(counted, [run(rig, 0.004, 5e-4)])
+    assert found.sentence.startswith("position is recorded in steps of 0.004, coarser than its other noise (")
+    assert found.sentence[-2].isdigit()
+
+
 @pytest.mark.parametrize("noise", [2e-4, 2e-3])
 def test_steps_below_the_noise_are_seen_and_not_named(rig, noise):
     found = examine(rig.model, [run(rig, 0.5 * noise, noise)])

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from reconcile import untold
-from reconcile.beam import Beam
 from reconcile.core import Core
 from reconcile.data import Run, runs_of, split
 from reconcile.model import Folder, read_folder
 from reconcile.ports import find_ports
+from reconcile.sets import Sets
 from reconcile.workflow import examine
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
@@ -62,12 +62,12 @@ def runs(hung) -> list[Run]:
 
 def test_it_is_among_the_first_forces_and_its_mass_is_right(hung, runs):
     core = Core(hung, split(runs, (), ()))
-    beam = Beam(core, points={frozenset(): core.base})
-    forces = [s for s in beam.scores(frozenset()) if s.attached.effect.place in ("force", "coupling")]
+    sets = Sets(core)
+    forces = [s for s in sets.scores(frozenset()) if s.attached.effect.place in ("force", "coupling")]
     reaction = next(s for s in forces[:6] if s.attached.key == "tool_reaction@load")  # so many are fitted
-    grown = beam.attempt(frozenset(), reaction)
+    grown = sets.attempt(frozenset(), reaction)
     assert grown is not None
-    assert beam.points[grown].values["tool_reaction@load.mass"] == pytest.approx(LOAD, rel=0.05)
+    assert sets.points[grown].values["tool_reaction@load.mass"] == pytest.approx(LOAD, rel=0.05)
 
 
 @pytest.mark.slow
@@ -93,11 +93,11 @@ def reaching(hung) -> Folder:
 def test_a_swing_that_nobody_recorded_is_told_by_what_it_does_to_the_axis(reaching, runs):
     core = Core(reaching, split([without_swing(r) for r in runs], (), ()))
     (swing,) = (a for a in core.candidates if a.effect.name == "tool_reaction")
-    beam = Beam(core, points={frozenset(): core.base})
-    scored = next(s for s in beam.scores(frozenset()) if s.attached is swing)
-    grown = beam.attempt(frozenset(), scored)
+    sets = Sets(core)
+    scored = next(s for s in sets.scores(frozenset()) if s.attached is swing)
+    grown = sets.attempt(frozenset(), scored)
     assert grown is not None
-    values = beam.points[grown].values
+    values = sets.points[grown].values
     assert values[swing.name("mass")] == pytest.approx(LOAD, rel=0.05)
     assert values[swing.name("frequency")] == pytest.approx(np.sqrt(GRAVITY / LENGTH), rel=0.03)
 

@@ -11,9 +11,10 @@ from reconcile import replicates, report as reports, verdict as verdicts, words
 from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
+from reconcile.page import plots
 from reconcile.page.equation import equation, spelt
 from reconcile.page.page import _facts, write_page
-from reconcile.page.shown import Shown, shown
+from reconcile.page.shown import Course, Shown, Stretch, shown
 from reconcile.workflow import _plain
 from tests.reconcile.answers import REFUSED, answered, recorded
 from tests.reconcile.truth import Truth, coulomb
@@ -83,6 +84,31 @@ def test_the_gap_is_the_held_out_error_above_the_floor(figures, friction):
         assert gap["after"] < 0.05 * gap["reestimated"] < 0.05 * gap["nominal"]
 
 
+def test_a_late_sensors_predictions_are_compared_sample_by_sample():
+    """With its delay fitted, samples lie in other steps of the motion: they are the same samples."""
+    late = Truth(position=lambda y: np.concatenate([np.full(1000, y[0]), y[:-1000]]))  # 0.1 s
+    found = answered(recorded(late, seconds=30.0, seed=4), ["sensor_delay@position"])
+    after, before = found.traces["after"], found.traces["reestimated"]
+    assert after is not None
+    assert before is not None
+    assert found.answer.point.values["sensor_delay@position.delay"] == pytest.approx(0.1, abs=0.01)
+    squares, drawn = [], shown(found).stretches
+    for a, b in zip(after, before, strict=True):
+        signal, times = a.window.run.outputs["position"], a.window.recorded["position"]
+        assert np.array_equal(
+            signal.values[np.searchsorted(signal.time, times)], a.window.samples["position"]
+        )
+        both, of_a, of_b = np.intersect1d(times, b.window.recorded["position"], return_indices=True)
+        assert len(both) > 0.7 * len(times)
+        squares.append((a.predicted["position"][of_a] - b.predicted["position"][of_b]) ** 2)
+    apart = reports._apart(found, frozenset())["differs"]["position"] * found.floors["position"].level
+    assert apart == pytest.approx(float(np.sqrt(np.mean(np.concatenate(squares)))), rel=0.1)
+    course = next(c for c in drawn[0].outputs if c.name == "position")
+    errors = course.measured - course.predicted["after"]
+    assert np.isfinite(errors).mean() > 0.7
+    assert np.nanmax(np.abs(errors)) < 6.0 * course.floor
+
+
 def test_scores_improve_with_what_was_found(figures):
     assert figures["iso18571"]["before"] < 0.9 < figures["iso18571"]["after"] <= 1.0
     for scores in figures["scores"].values():
@@ -113,6 +139,20 @@ def test_what_was_turned_down_is_there_with_its_reason(figures):
 
 
 # -------------------------------------------------------------------------------- the page
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "said"),
+    [
+        (12.68, 13.04, "12.68 to 13.04 s"),
+        (0.79, 0.84, "0.790 to 0.840 s"),
+        (9e3, 12e3, "9000.0 to 12000.0 s"),
+    ],
+)
+def test_a_stretch_has_its_times_with_digits_that_tell_them_apart(start, end, said):
+    time = np.linspace(start, end, 9)
+    course = Course("position", "m", 1e-3, time, np.sin(time), {"after": np.sin(time)})
+    assert plots.overlay(0, Stretch("run", start, end, start, [course], [])).title == f"run, {said}"
 
 
 def test_the_page_loads_nothing(page):

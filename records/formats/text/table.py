@@ -20,6 +20,7 @@ from records.formats.tables import (
     check_twice,
     clock_name,
     clock_unit,
+    is_clock,
     one_clock,
     stated_clock,
 )
@@ -57,8 +58,7 @@ class TextTable:
         path = source.path
         self.path, self.options, self.notes = path, options, notes
         self.source, self.head = source, head
-        stated = [options.clock or "", *names]
-        clocks = [c for c in (options.clock, *(t for t, o in names.items() if o)) if c] if any(stated) else []
+        clocks = [c for c in (options.clock, *(t for t, o in names.items() if is_clock(o))) if c]
         clocks += [c.rsplit(" [", 1)[0] for c in clocks]
         self.layout = (
             lvm_layout(self.head, self.source)
@@ -112,7 +112,10 @@ class TextTable:
             return (pair, unit) if pair and at == pair[0] else ([at], unit)
         if not named and of_time(heads[0].unit):
             named = [0]
-            self.notes.append(f"{heads[0].name}: taken as the time, its unit is {heads[0].unit}")
+            unit = heads[0].unit
+            called = heads[0].name or "the column without a name"
+            self.notes.append(f"{called}: taken as the time, its unit is {unit}")
+            heads[0] = Heading(heads[0].name or "time", unit, heads[0].text)
         column = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in named}
         if len(named) == 1:
             return named, heads[named[0]].unit or clock_unit(heads[named[0]].name)

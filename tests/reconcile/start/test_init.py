@@ -107,6 +107,54 @@ def test_names_as_of_a_can_log_and_no_speed(tmp_path: Path):
     assert value(folder, "inertia") == pytest.approx(INERTIA, rel=0.2)
 
 
+def test_of_names_that_tell_nothing_at_all_the_one_that_moves_in_steps_is_the_input(tmp_path: Path):
+    t = 0.001 * np.arange(400)
+    dac = np.where((np.arange(400) // 50) % 2, -0.5, 0.5)
+    adc = np.zeros(400)
+    for k in range(399):
+        adc[k + 1] = adc[k] + 0.001 / 0.008 * (dac[k] - adc[k])
+    file = table(tmp_path / "rc.csv", {"Time": t, "ADC": adc, "DAC": dac})
+    said = start(file, tmp_path / "first", "first-order")
+    assert "dac: column DAC (guessed: it moves in steps)" in said
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert (set(only.inputs), set(only.outputs)) == ({"dac"}, {"adc"})
+    assert value(folder, "time_constant") == pytest.approx(0.008, rel=0.2)
+
+
+def test_columns_that_all_move_in_steps_are_no_inputs(tmp_path: Path):
+    t = np.arange(400.0)
+    a, b = np.round(np.sin(t / 60), 1), np.round(np.sin(t / 80), 1)
+    assert [c.role for c in read_columns(table(tmp_path / "r.csv", {"time": t, "A1": a, "B2": b}))] == [
+        "",
+        "",
+    ]
+
+
+@pytest.mark.parametrize(("heading", "said"), [("time", True), ("time [ms]", False)])
+def test_a_time_without_a_unit_is_said_with_what_it_means(tmp_path: Path, heading: str, said: bool):
+    r = rig()
+    columns = {heading: 5000 + 5 * np.arange(len(r["t"])), "q [rad]": r["q"], "tau [N.m]": r["torque"]}
+    lines = start(table(tmp_path / "r.csv", columns), tmp_path / "first")
+    assert any("no unit; taken as s, it has a sample every 5 s" in line for line in lines) is said, lines
+
+
+@pytest.mark.parametrize(("ratio", "unit"), [(180.0 / np.pi, "deg"), (1.0, "")])
+def test_an_angle_that_swings_beyond_a_turn_is_in_degrees(tmp_path: Path, ratio: float, unit: str):
+    """A pendulum of 0.5 m that is let go at 57 degrees."""
+    step, q, v, rows = 0.002, 1.0, 0.0, []
+    for _ in range(6000):
+        v += step * (-9.81 / 0.5 * np.sin(q) - 0.05 * v)
+        q += step * v
+        rows.append(q)
+    t = step * np.arange(6000)[::10]
+    file = table(tmp_path / "swing.csv", {"Time": t, "Angle": np.round(ratio * np.array(rows[::10]), 4)})
+    said = start(file, tmp_path / "first", "pendulum")
+    assert any("guessed to be in degrees" in line for line in said) is bool(unit)
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert np.max(np.abs(only.outputs["position"].values)) == pytest.approx(1.0, rel=0.01)
+    assert value(folder, "length") == pytest.approx(0.5, rel=0.1)
+
+
 def test_two_joints_are_a_chain(tmp_path: Path):
     r = rig()
     columns = {"time": r["t"]}

@@ -42,3 +42,13 @@ def test_command_says_it(tmp_path, capfd):
         main(["reconcile", str(run), "--model", str(RIG), "--check-only"])
     assert not ended.value.code
     assert "sampling:" in capfd.readouterr().out
+
+
+def test_what_reading_assumed_is_said(tmp_path):
+    from reconcile.start.tellable import examine
+
+    t = 0.02 * np.arange(600)
+    rows = zip(t, np.sign(np.sin(t)), np.sin(0.7 * t), np.cos(0.7 * t), strict=True)
+    table = tmp_path / "b.csv"
+    table.write_text("time,force,position,velocity\n" + "".join(f"{a},{b},{c},{d}\n" for a, b, c, d in rows))
+    assert "b: the time states no unit: taken as s" in lines(examine([table], str(RIG)))

@@ -118,4 +118,4 @@ def test_three_rows_of_one_time_that_contradict_are_refused():
 def test_rows_without_a_time_are_dropped_and_said():
     found, notes = mend(group([0, np.nan, 0.04, np.inf]), "r.csv")
     assert found.time.tolist() == [0, 0.04]
-    assert notes == ["dropped 2 lines without a time; the first: line 2 at nan s"]
+    assert notes == ["dropped 2 lines without a time; the first: line 2"]

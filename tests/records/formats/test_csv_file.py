@@ -167,6 +167,26 @@ def test_what_cannot_be_read_is_refused_with_its_place(read, text, said):
         read(text)
 
 
+@pytest.mark.parametrize("end", ["", ", "], ids=["plain", "with a comma at the end"])
+def test_a_clock_without_a_name_is_told_by_its_unit(read, end):
+    """As an oscilloscope writes it."""
+    rows = ["-1.0e-03,0.5,2", "0.0e+00,1.5,3", "1.0e-03,1.0,4"]
+    found = read(table(",CH1,CH4", "Second,Volt,Volt", *(row + end for row in rows)))
+    assert set(found.channels) == {"CH1", "CH4"}
+    np.testing.assert_allclose(np.diff(found["CH1"].time), 1e-3)
+    assert (found["CH1"].unit, found["CH4"].values.tolist()) == ("V", [2, 3, 4])
+    assert any("the column without a name: taken as the time" in r for r in found.repairs), found.repairs
+
+
+@pytest.mark.parametrize("clock", ["time", "Uhr"])
+def test_a_line_of_units_holds_whatever_a_map_names(read, clock):
+    names = {"CH1": "p_slew_a", "CH2": "q_slew [deg]"} | ({} if clock == "time" else {"Uhr": "time"})
+    found = read(table(f"{clock},CH1,CH2,rest", "ms,bar,rad,V", "0,1,90,5", "20,2,180,6"), names=names)
+    np.testing.assert_allclose(found["p_slew_a"].values, [1e5, 2e5])
+    np.testing.assert_allclose(found["q_slew"].values, [np.pi / 2, np.pi])
+    np.testing.assert_allclose(found["rest"].time, [0, 0.02])
+
+
 def test_names_unit_and_sign_of_other_peoples_columns(read):
     names = {"Winkel": "-q_slew [deg]", "Druck 1": "p_slew_a [bar]", "Uhr": "time [ms]"}
     found = read(table("Uhr,Winkel,Druck 1,rest", "0,90,1,5", "20,180,2,6"), names=names)

@@ -1,0 +1,80 @@
+"""Which verdict comes first, and how well what agrees agrees."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from reconcile import judge as judges, verdict as verdicts
+from reconcile.catalogue import Scales
+from reconcile.free import LATEST, FreeParameters
+from reconcile.model import candidates
+
+
+@pytest.mark.parametrize(
+    ("still", "beyond", "known", "name", "said"),
+    [
+        (["input u is constant"], 9.0, 0.9, "insufficient_excitation", "input u is constant"),
+        ([], 9.0, 0.9, "unexplained", "errs by 5"),
+        ([], 2.4, 0.9, "insufficient_excitation", "nothing tells drag"),
+        ([], 2.4, 0.1, "agrees", "within 2.4 times the noise"),
+        ([], 0.4, 0.1, "agrees", "within the noise"),
+    ],
+)
+def test_an_error_left_is_said_before_too_little_excitation(
+    monkeypatch, still: list[str], beyond: float, known: float, name: str, said: str
+):
+    monkeypatch.setattr(verdicts, "still", lambda core: still)
+    monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
+    monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
+    monkeypatch.setattr(verdicts, "moved_parameters", lambda core, point: {})
+    core: Any = SimpleNamespace(known=lambda: {"drag": known}, disturbances=lambda values: {"v": 0.1})
+    answer: Any = SimpleNamespace(
+        core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={})
+    )
+    found = verdicts.judge(answer)
+    assert found.name == name
+    assert said in found.sentence
+
+
+def test_what_a_fit_takes_for_noise_beyond_the_sensors_own_is_error(monkeypatch):
+    core: Any = SimpleNamespace(outputs=["y"], floors={"y": SimpleNamespace(level=0.1)}, spread={"y": 1.0})
+    monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.17, 0.16))  # as the fitted noise says
+    swallowed: Any = SimpleNamespace(values={"noise of y": 0.4})
+    assert verdicts.beyond_noise(core, swallowed) == pytest.approx(4.0)
+    monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.009, 0.01))
+    quiet: Any = SimpleNamespace(values={"noise of y": 0.1})
+    assert verdicts.beyond_noise(core, quiet) == 0.0
+
+
+def test_no_delay_is_as_long_as_the_recording(rig):
+    late = [a for a in candidates(rig, [*rig.ports.controls, *rig.ports.outputs]) if a.effect.delays]
+    assert late
+    scales = {a.port: Scales(period_s=0.1, memory_s=1.0) for a in late}
+    for a in late:
+        for f in FreeParameters(rig, duration_s=40.0, memory_s=1.0).of_effect(a, scales):
+            assert f.high <= LATEST * 40.0 or not f.name.endswith("delay")
+
+
+@pytest.mark.parametrize(
+    ("nats", "errors", "alike"),
+    [
+        (3.0, (0.01, 0.02), True),  # both below the noise: nothing ahead tells them apart
+        (30.0, (0.01, 0.02), False),  # but the samples do
+        (3.0, (0.10, 0.20), False),
+        (30.0, (0.10, 0.101), True),
+    ],
+)
+def test_one_lag_in_two_places_is_told_by_what_is_above_the_noise(
+    rig, monkeypatch, nats: float, errors: tuple[float, float], alike: bool
+):
+    every = candidates(rig, [*rig.ports.controls, *rig.ports.outputs])
+    here, there = (
+        next(frozenset({a}) for a in every if a.effect.name == n) for n in ("sensor_lag", "input_lag")
+    )
+    beam: Any = SimpleNamespace(core=None, points={here: None, there: None}, ranked=lambda: [here, there])
+    beam.evidence = {here: 0.0, there: -nats}.__getitem__
+    monkeypatch.setattr(judges, "noise", lambda core, point: 0.03)
+    judge = judges.Judge(beam)
+    monkeypatch.setattr(judge, "ahead", dict(zip((here, there), errors, strict=True)).__getitem__)
+    assert judge._alike(here) == ([there] if alike else [])
