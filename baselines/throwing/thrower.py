@@ -21,7 +21,14 @@ NEAR_RAD = 1.0  # of the planned release: before it none is looked for
 class Thrower:
     """Follows the path of a throw and says once when to open the grab; it sees sensors only."""
 
-    def __init__(self, throw: Throw, target: tuple[float, float], follower: Follower | None = None):
+    def __init__(
+        self,
+        throw: Throw,
+        target: tuple[float, float],
+        follower: Follower | None = None,
+        delay_s: float | None = None,
+    ):
+        """`delay_s`: of this grab, where it is known; else that of the parameters."""
         self.released = False
         self._throw, self._target = throw, np.array(target)
         self._due: deque[float] = deque(maxlen=MEAN_TICKS)  # ticks at which the release was foreseen
@@ -29,7 +36,7 @@ class Thrower:
         self._follower = follower or Tracking(leads=True)
         self._follower.begin(throw.path)
         self._sizes = shapes.sizes()
-        self._delay = parameters.parameter("grab_open_delay", "grab").value
+        self._delay = delay_told() if delay_s is None else delay_s
 
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
         """Commands after 0.02 s more; from the tick of the release on `released` is true."""
@@ -53,6 +60,11 @@ class Thrower:
         """
         angles = np.array([sensors[name] for name in SENSED])
         return flight(*ahead(angles, _rates(sensors), TICK_S + self._delay + more, self._sizes))
+
+
+def delay_told() -> float:
+    """From the command to open until the load leaves, s, of a grab that nobody has measured."""
+    return parameters.parameter("grab_open_delay", "grab").value
 
 
 def _rates(sensors: Mapping[str, float]) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from baselines.planning.planner import pose_of
 from baselines.throwing.ballistics import Flight, flight
 from baselines.throwing.plan import Throw, plan, reach
-from baselines.throwing.thrower import Thrower
+from baselines.throwing.thrower import Thrower, delay_told
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from specs import draws, keys, parameters, pose, shapes
@@ -31,24 +31,29 @@ AFTER_S = 1.0  # recorded beyond the release
 
 @dataclass(frozen=True)
 class Case:
-    """What is thrown: how far [m] beyond the reach, by which drawn machine, with which seed."""
+    """What is thrown: how far [m] beyond the reach, by which drawn machine, with which seed.
+
+    `told_s`: the grab's delay that the controller counts on; `practice`: which practice throw it is, from 1.
+    """
 
     beyond: float
     machine: str = draws.NOMINAL
     drawn: Mapping[str, float] = field(default_factory=dict)
     seed: int = 1
+    told_s: float = field(default_factory=delay_told)
+    practice: int = 0
 
     @cached_property
     def target(self) -> tuple[float, float]:
         """The place on the ground, in a drawn direction."""
         away = reach() + self.beyond
-        turn = np.radians(self._between(*TURNS_DEG, "throw direction", self.beyond))
+        turn = np.radians(self._between(*TURNS_DEG, *self._one("throw direction")))
         return float(away * np.cos(turn)), float(away * np.sin(turn))
 
     @property
     def load_kg(self) -> float:
         """Which nobody is told."""
-        return self._between(*LOADS_KG, "throw load", self.beyond)
+        return self._between(*LOADS_KG, *self._one("throw load"))
 
     @property
     def delay_s(self) -> float:
@@ -64,6 +69,10 @@ class Case:
         """True sizes of the machine."""
         nominal = shapes.sizes()
         return nominal | {name: value for name, value in self.drawn.items() if name in nominal}
+
+    def _one(self, what: str) -> tuple[object, ...]:
+        """Key of what is drawn for this throw alone."""
+        return (what, self.beyond, *([self.practice] if self.practice else []))
 
     def _between(self, low: float, high: float, *key: object) -> float:
         return low + (high - low) * keys.uniform(*key, self.machine, self.seed)
@@ -91,18 +100,18 @@ def run(case: Case) -> dict[str, Any]:
     track = _driven(case, throw)
     row: dict[str, Any] = {
         "beyond": case.beyond, "machine": case.machine, "load_kg": round(case.load_kg, 1),
-        "delay_s": case.delay_s, "planned_speed": throw.speed, "planned_radius": throw.radius,
+        "delay_s": case.delay_s, "told_s": case.told_s,
+        "planned_speed": throw.speed, "planned_radius": throw.radius,
         "planned_height": throw.height, "released": track.released is not None,
     }  # fmt: skip
     if track.released is None:
         return row
     leaves, speed, landed = track.landing(case.delay_s)
-    told = parameters.parameter("grab_open_delay", "grab").value
     out, aside = _beside(landed, case.target, throw)
     return {
         **row,
         "error": float(np.hypot(out, aside)),
-        "error_delay_known": float(np.hypot(*_beside(track.landing(told)[2], case.target, throw))),
+        "error_delay_known": float(np.hypot(*_beside(track.landing(case.told_s)[2], case.target, throw))),
         "out": out,
         "aside": aside,
         "speed": speed,
@@ -118,7 +127,7 @@ def _beside(landed: Flight, target: tuple[float, float], throw: Throw) -> tuple[
 
 
 def _driven(case: Case, throw: Throw) -> Track:
-    driver, released = Thrower(throw, case.target), list[int]()
+    driver, released = Thrower(throw, case.target, delay_s=case.told_s), list[int]()
 
     def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         commands = driver.step({**sensors, "load_told": 0.0, "pace": 1.0})

@@ -1,6 +1,7 @@
 """Throws over distances and machines: landing errors, cycle times, and which limits they miss."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,10 @@ import numpy as np
 from baselines.throwing.plan import inside, reach, span
 from specs.errors import InputError
 from specs.progress import Report
+from verification.throws.practice import practised
 from verification.throws.run import Case, run
 
+Row = dict[str, Any]
 MEDIAN_M, P95_M = 0.5, 1.0  # limits of the landing error
 
 
@@ -25,32 +28,42 @@ def check(beyond: Sequence[float]) -> None:
 
 
 def study(
-    beyond: Sequence[float], machines: Mapping[str, Mapping[str, float]], seed: int, report: Report
+    beyond: Sequence[float],
+    machines: Mapping[str, Mapping[str, float]],
+    seed: int,
+    report: Report,
+    practice: int = 0,
 ) -> dict[str, Any]:
     """The figures of each distance, every row, and `failures`: sentences about the limits that are missed.
 
-    After an interrupt those of the throws that were done, and `interrupted`.
+    After an interrupt those of the throws that were done, and `interrupted`.  `practice`: throws of each
+    machine before, whose landings tell the delay of its grab; their rows are `practised`.
     """
     cases = [Case(distance, name, drawn, seed) for name, drawn in machines.items() for distance in beyond]
-    rows = _done(cases, report)
+    rows, practised = _done(cases, report, practice)
     thrown = {f"{d:g}": [row for row in rows if row["beyond"] == d] for d in beyond}
     by_distance = {distance: summary(of) for distance, of in thrown.items() if of}
     return {
         "reach": reach(), "by_distance_m": by_distance, "failures": failures(by_distance),
-        "interrupted": len(rows) < len(cases), "rows": rows,
+        "interrupted": len(rows) < len(cases), "rows": rows, "practice": practice, "practised": practised,
     }  # fmt: skip
 
 
-def _done(cases: Sequence[Case], report: Report) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
+def _done(cases: Sequence[Case], report: Report, practice: int) -> tuple[list[Row], list[Row]]:
+    """Rows of the throws, and of those for practice before."""
+    rows: list[Row] = []
+    before: dict[str, dict[str, Any]] = {}
     try:
         for number, case in enumerate(cases, 1):
-            rows.append(run(case))
+            if practice and case.machine not in before:
+                before[case.machine] = practised(case.machine, case.drawn, case.seed, practice)
+            told = {"told_s": before[case.machine]["told_s"]} if practice else {}
+            rows.append(run(replace(case, **told)))
             report(f"throw {case.beyond:g} m beyond reach by {case.machine}", number, len(cases))
     except KeyboardInterrupt:
         if not rows:
             raise
-    return rows
+    return rows, [row for machine in before.values() for row in machine["rows"]]
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

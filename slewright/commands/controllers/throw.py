@@ -36,6 +36,15 @@ def throw(
     ] = "validation",
     sealed: SealedOption = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of directions, loads, delays and noise.")] = 1,
+    practice: Annotated[
+        int,
+        typer.Option(
+            "--practice",
+            metavar="N",
+            min=0,
+            help="Throws of each machine before: where they land tells its grab's delay.",
+        ),
+    ] = 0,
     page: Annotated[
         Path | None,
         typer.Option(
@@ -61,9 +70,10 @@ def throw(
     if machines:
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("throw") as report:
-        found = study.study(distances, drawn, seed, report)
+        found = study.study(distances, drawn, seed, report, practice)
     table = [_row(distance, f) for distance, f in found["by_distance_m"].items()]
-    show(f"Throws, simulated reference machine; reach {found['reach']:.2f} m", COLUMNS, table)
+    after = f", after {practice} for practice" if practice else ""
+    show(f"Throws, simulated reference machine{after}; reach {found['reach']:.2f} m", COLUMNS, table)
     if page is not None and not found["interrupted"]:
         from specs import markdown
         from specs.version import VERSION

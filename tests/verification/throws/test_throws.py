@@ -8,6 +8,7 @@ import pytest
 
 from slewright.__main__ import run as command
 from verification.throws import study
+from verification.throws.practice import delay_shown, practised
 from verification.throws.run import TICK_S, Case, Track, run
 from verification.throws.study import failures, summary
 
@@ -37,6 +38,26 @@ def test_drawn_machines_have_their_own_delays_loads_and_directions():
     assert 0.2 <= min(delays) < 0.25 < 0.35 < max(delays) <= 0.4
     assert len({case.load_kg for case in cases}) == len({case.target for case in cases}) == 20
     assert Case(0.0).delay_s == 0.3
+
+
+def test_what_lands_too_far_on_shows_a_grab_that_opens_late():
+    landed = {"released": True, "told_s": 0.3, "aside": 0.4, "speed": 5.0}
+    assert delay_shown([landed], [0.0]) == pytest.approx(0.38)
+    assert delay_shown([landed, {**landed, "aside": -0.4}], [0.0, 0.1]) == pytest.approx(0.31)
+    never = {"released": False, "told_s": 0.3}
+    assert delay_shown([never, landed], [9.0, 0.0]) == pytest.approx(0.38)
+    assert delay_shown([never], [0.0]) == 0.3  # nothing was learnt
+    assert delay_shown([{**landed, "aside": -9.0}], [0.0]) == 0.0  # no grab opens before it is told to
+
+
+@pytest.mark.slow
+def test_a_practice_throw_tells_the_delay_of_its_machine():
+    machine = next(m for k in range(99) if abs(Case(0.0, m := f"tuning:{k}").delay_s - 0.3) > 0.08)
+    learnt = practised(machine, {}, seed=1, throws=1)
+    (row,) = learnt["rows"]
+    assert row["told_s"] == 0.3
+    assert abs(learnt["told_s"] - row["delay_s"]) < 0.5 * abs(row["told_s"] - row["delay_s"])
+    assert Case(0.0, machine, practice=1).load_kg != Case(0.0, machine).load_kg
 
 
 def test_limits_that_are_missed_are_named():
