@@ -13,21 +13,22 @@ from reconcile import words
 from reconcile.ahead import ahead
 from reconcile.answer import Answer, standard_errors
 from reconcile.core import Core
-from reconcile.data import Run, Signal
+from reconcile.data import Block, Parts, Run, Signal
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.sets import effects, weighed
-from reconcile.start.units import bare, known_ratios, turned_line, turns
+from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
 from reconcile.tolerances import EVIDENT, HALVED, LOST, MOVED, WRONG
+from specs.errors import InputError
 
 STEPS = 15  # of a fit: one that is right gets there soon
 Ratios = dict[str, float]  # by channel what its values are multiplied by
 
 
 def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
-    """What to ask before effects are looked for; "" unless a turned channel leaves little of the error.
+    """What to ask before effects are looked for; "" unless a turned channel, or another unit, leaves little.
 
     `names`: the map, {their column: ours}.
     """
@@ -36,9 +37,13 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
         tried = _fitted(core, ratios, core.fresh, ())
         if tried is not None and tried[1].total < core.base.total and tried[0] < min(least, EVIDENT * errs):
             least, found = tried[0], ratios
-    if found is None or _silent(core, least, core.fresh, ()):
-        return ""
-    return _sentence(core, found, errs, least, names or {})
+    if found is not None and not _silent(core, least, core.fresh, ()):
+        return _sentence(core, found, errs, least, names or {})
+    for ratios in _rescaled(core) if errs > WRONG else ():
+        error = _refitted(core, ratios)
+        if error < EVIDENT * errs:
+            return _sentence(core, ratios, errs, error, names or {})
+    return ""
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -99,6 +104,15 @@ def _turned(core: Core) -> list[Ratios]:
     return [dict.fromkeys(group, -1.0) for group in groups]
 
 
+def _rescaled(core: Core) -> list[Ratios]:
+    """Every position or speed of an axis in another unit, where no recorded rate of it says which it is."""
+    units = {v.name: v.unit for v in core.model.outputs}
+    moving = {n for a in core.folder.ports.axes for n in (a.position, a.velocity)}
+    shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
+    alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
+    return [{n: ratio} for n in alone if n in shown for ratio in other_units(units[n])]
+
+
 def _inputs(core: Core) -> list[str]:
     return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
 
@@ -127,6 +141,18 @@ def _fitted(
     return None if point is None else (ahead(other, point), point)
 
 
+def _refitted(core: Core, ratios: Ratios) -> float:
+    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied."""
+    runs = {id(r): _multiplied(r, ratios) for r in core.runs}
+    moved = lambda blocks: tuple(Block(runs[id(b.run)], b.start_s, b.end_s) for b in blocks)  # noqa: E731
+    parts = Parts(moved(core.parts.fit), moved(core.parts.confirm), moved(core.parts.holdout))
+    try:
+        other = Core(core.folder, parts, (), core.share)
+    except InputError:  # the model runs away
+        return float("inf")
+    return ahead(other, other.base)
+
+
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
     """Whether the model errs nearly as little as `error` without any input: none tells its sign or unit then.
 
@@ -146,6 +172,7 @@ def _multiplied(run: Run, ratios: Ratios) -> Run:
 
 def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mapping[str, str]) -> str:
     theirs = {bare(ours): column for column, ours in names.items()}
+    stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in ratios)
     both = " and ".join(theirs.get(n, n) for n in ratios)
     ratio = next(iter(ratios.values()))
     lines = "; ".join(turned_line(n, names) for n in ratios)
@@ -154,7 +181,7 @@ def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mappi
         what = known_ratios()[ratio]
         return (
             f"column {both}: {ratio:.4g} times as large, {gains}: {what}; state its unit in [names] of "
-            f"--map, as in '{theirs.get(both, both)}' = '{next(iter(ratios))} [unit]', or correct model.py"
+            f"--map, as in {stated}, or correct model.py"
         )
     direction = "" if set(ratios) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
     return (

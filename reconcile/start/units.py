@@ -11,6 +11,7 @@ RATIOS = {
     57.29578: "degrees against radians",
     9.549297: "revolutions per minute against rad/s",
     1000.0: "a factor of 1000, such as mm against m or ms against s",
+    3.6: "km/h against m/s",
     -1.0: "the sign is turned",
 }
 CLOSE = 0.02  # of a ratio, relative
@@ -116,6 +117,12 @@ def known_ratios() -> dict[float, str]:
     signed = {r: w for k, w in RATIOS.items() for r in ({k, 1 / k} if k > 0 else {k})}
     turned = {-r: w + ", and the sign is turned" for r, w in signed.items() if r > 0}
     return signed | turned
+
+
+def other_units(unit: str) -> list[float]:
+    """What a channel of a unit may have to be multiplied by, if it is in another one."""
+    usual = (57.29578, 9.549297) if unit.startswith("rad") else (1000.0, 3.6)
+    return [r for k in usual for r in (1 / k, k)]
 
 
 def _ratio(run: Any, position: str, rate: str) -> float | None:

@@ -21,7 +21,6 @@ SCALED = "estimated from the recording by least squares, in proportion to the in
 GUESS = "a guess: the recording does not tell it in this way; put in what you know"
 EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
 UNTIMED = "the time states no unit: taken as s"
-TURNS_BACK = 4  # times that a pendulum passes where it hangs, to be one that swings and does not go round
 SURE = 3.0  # deviations from zero that a coefficient must have to be used
 
 
@@ -101,8 +100,6 @@ def _first(usable: Sequence[Column], role: str, kind: Motion, joint: int | None 
 
 def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
     kind = MOVES if template == "linear" else TURNS
-    if template == "pendulum":
-        usable = [_in_degrees(c) if c.role == "position" else c for c in usable]
     found = {r: c for r in ("position", "velocity") if (c := _first(usable, r, kind))}
     if not found:
         listed = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in usable[:8])
@@ -122,16 +119,6 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
     templates.axis(draft, kind, list(found), unit, template == "pendulum")
     draft.parameters = _axis_values(template, kind, found, drive, unit)
     return draft, used
-
-
-def _in_degrees(angle: Column) -> Column:
-    """An angle without a unit that swings beyond a turn to either side is in degrees: no pendulum does."""
-    values = angle.values - np.median(angle.values)
-    passes = int(np.count_nonzero(np.diff(np.sign(values))))
-    if angle.unit or passes < TURNS_BACK or np.max(np.abs(values)) < 2.0 * np.pi:
-        return angle
-    text = f"guessed to be in degrees: it swings to ±{np.max(np.abs(values)):.3g}"
-    return replace(angle, unit="deg", reason=text)
 
 
 def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -> Column | None:

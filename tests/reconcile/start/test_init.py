@@ -138,23 +138,6 @@ def test_a_time_without_a_unit_is_said_with_what_it_means(tmp_path: Path, headin
     assert any("no unit; taken as s, it has a sample every 5 s" in line for line in lines) is said, lines
 
 
-@pytest.mark.parametrize(("ratio", "unit"), [(180.0 / np.pi, "deg"), (1.0, "")])
-def test_an_angle_that_swings_beyond_a_turn_is_in_degrees(tmp_path: Path, ratio: float, unit: str):
-    """A pendulum of 0.5 m that is let go at 57 degrees."""
-    step, q, v, rows = 0.002, 1.0, 0.0, []
-    for _ in range(6000):
-        v += step * (-9.81 / 0.5 * np.sin(q) - 0.05 * v)
-        q += step * v
-        rows.append(q)
-    t = step * np.arange(6000)[::10]
-    file = table(tmp_path / "swing.csv", {"Time": t, "Angle": np.round(ratio * np.array(rows[::10]), 4)})
-    said = start(file, tmp_path / "first", "pendulum")
-    assert any("guessed to be in degrees" in line for line in said) is bool(unit)
-    folder, (only,) = opened(file, tmp_path / "first")
-    assert np.max(np.abs(only.outputs["position"].values)) == pytest.approx(1.0, rel=0.01)
-    assert value(folder, "length") == pytest.approx(0.5, rel=0.1)
-
-
 def test_two_joints_are_a_chain(tmp_path: Path):
     r = rig()
     columns = {"time": r["t"]}

@@ -29,6 +29,15 @@ MODEL = Model(
     out=lambda x, u, m, p: {"position": x.q},
 )
 """
+SWINGING = (
+    ROTARY.replace('inputs=(Variable("torque", "N.m", "Torque"),)', "inputs=()")
+    .replace("(u.torque - p.friction * x.v) / p.inertia", "-p.pull * sin(x.q) - p.friction * x.v")
+    .replace(
+        'Variable("inertia", "kg.m2", "Inertia", start=0.25, min=0.02, max=2)',
+        'Variable("pull", "1/s2", "g / l", start=9, min=1, max=50)',
+    )
+    .replace("from fmus", "from casadi import sin\nfrom fmus")
+)
 GAIN = ROTARY.replace("(u.torque -", "(p.gain * u.torque -").replace(
     "    parameters=(", '    parameters=(Variable("gain", "1", "Gain", start=-1, min=-5, max=5),'
 )
@@ -109,6 +118,23 @@ def test_an_input_in_another_unit_is_asked_and_a_right_one_is_not(tmp_path: Path
             examine(own, runs, names=names)
     else:
         assert examine(own, runs, names=names)[0]["verdict"] in ("agrees", "reestimated")
+
+
+@pytest.mark.parametrize(("factor", "word"), [(57.29578, "degrees against radians"), (1.0, "")])
+def test_an_angle_in_degrees_is_asked_and_one_in_radians_is_not(tmp_path: Path, factor: float, word: str):
+    own = checks.open_folder(str(folder(tmp_path / "model", SWINGING)))
+    step, fine = 0.02, 20
+    q, v, angles = 1.2, 0.0, []
+    for _ in range(400):
+        angles.append(q)
+        for _ in range(fine):
+            v += step / fine * (-12.0 * np.sin(q) - 0.1 * v)
+            q += step / fine * v
+    noise = 0.002 * np.random.default_rng(5).normal(size=len(angles))
+    columns = {"time": step * np.arange(len(angles)), "position": factor * (np.array(angles) + noise)}
+    core = Core(own, split(read_run(table(tmp_path / "a.csv", columns), own), (), ()))
+    assert word in mistaken.evident(core)
+    assert bool(mistaken.evident(core)) == bool(word)
 
 
 def test_a_dead_zone_that_takes_nearly_all_of_a_command_is_no_turned_sign(tmp_path: Path):
