@@ -104,9 +104,10 @@ def _forces(drawn: list[Figure]) -> str:
     if not drawn:
         return ""
     return (
-        "<h2>The missing force</h2><p>What would have to push there for the re-estimated model to follow the "
-        "recordings (smoothed; the band is two standard deviations). Dry friction is a step where the speed "
-        f"is zero, a spring a slope over the place. Red: what the named effect does.</p>{_grid(drawn)}"
+        "<h2>The missing force</h2><p>What would have to push there for the model to follow the recordings "
+        "(smoothed; the band is two standard deviations). Where a named effect pushes, that is the model "
+        "with the answer's parameters but without its effects: red is what they do, “after” what is left. "
+        f"Dry friction is a step where the speed is zero, a spring a slope over the place.</p>{_grid(drawn)}"
     )
 
 

@@ -4,7 +4,7 @@ Plain arrays, so that a closed FMU's answer can be drawn like a model folder's.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -95,25 +95,39 @@ def shown(found: Findings) -> Shown:
 
 
 def missing(found: Findings) -> list[Missing]:
-    """The missing force at the places where it is largest beside the forces there."""
+    """The missing force at the places where it is largest beside the forces there.
+
+    Where a named effect pushes, it is that of the answer without its effects: what is left of it after them,
+    and they.  Else the base model's own parameters would have taken over a part of it.
+    """
     core, answer = found.core, found.answer
     before = missing_forces(core, answer.base)
     after = missing_forces(core, answer.point) if answer.present else []
-    effect = None
-    if after:
-        run = core.kalman.run(answer.point.values, answer.present, smooth=True, own=True)
-        inside = [r.fit | r.confirm for r in core.records]
-        z = [f.z for f in run or ()]
-        whole = core.kalman.forces(answer.point.values, answer.present, z) if z else None
-        effect = None if whole is None else whole[np.concatenate(inside)]
+    effects = _effects(found) if after else None
+    if effects is not None:
+        pushed = [np.any(f) for f in effects.T]
+        before = [
+            replace(left, values=left.values + f) if p else r
+            for r, left, f, p in zip(before, after, effects.T, pushed, strict=True)
+        ]
     sizes = [
         float(np.std(r.values)) / core.force_size(p) for r, p in zip(before, core.kalman.places, strict=True)
     ]
     order = sorted(range(len(before)), key=lambda k: -sizes[k])[:MISSING]
     return [
-        _missing(found, before[k], after[k] if after else None, None if effect is None else effect[:, k])
+        _missing(found, before[k], after[k] if after else None, None if effects is None else effects[:, k])
         for k in order
     ]
+
+
+def _effects(found: Findings) -> np.ndarray | None:
+    """What the answer's effects do at every place [N, places] in the steps of fit and confirm."""
+    core, answer = found.core, found.answer
+    run = core.kalman.run(answer.point.values, answer.present, smooth=True, own=True)
+    if run is None:
+        return None
+    forces = core.kalman.forces(answer.point.values, answer.present, [f.z for f in run])
+    return forces[np.concatenate([r.fit | r.confirm for r in core.records])]
 
 
 def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:

@@ -14,7 +14,7 @@ from reconcile.findings import Findings, above
 from reconcile.page import plots
 from reconcile.page.equation import equation, spelt
 from reconcile.page.page import _facts, write_page
-from reconcile.page.shown import Course, Shown, Stretch, shown
+from reconcile.page.shown import Course, Shown, Stretch, missing, shown
 from reconcile.workflow import _plain
 from tests.reconcile.answers import REFUSED, answered, recorded
 from tests.reconcile.truth import Truth, coulomb
@@ -184,6 +184,14 @@ def test_the_page_draws_what_was_held_out_and_the_residual(page, figures):
     blocks = [(b["start_s"], b["end_s"]) for b in figures["data"]["holdout"]]
     first, last = overlay["layout"]["xaxis"]["range"]
     assert any(a <= first and last <= b for a, b in blocks)
+
+
+def test_the_named_effect_is_drawn_through_the_missing_force(friction):
+    (force,) = missing(friction)
+    assert force.after is not None and force.effect is not None  # noqa: PT018
+    assert np.allclose(force.before, force.after + force.effect)
+    assert np.std(force.after) < 0.2 * np.std(force.before)
+    assert np.corrcoef(force.before, force.effect)[0, 1] > 0.9
 
 
 def test_names_are_escaped(friction, figures, tmp_path):
