@@ -16,11 +16,12 @@ import casadi as ca
 
 from fmus.definition import Model, Sensor, Variable
 from fmus.toolchain.loader import load_model
-from reconcile import quantization, sites
 from reconcile.catalogue import ALL
-from reconcile.extended import Extended
-from reconcile.model import Attached, read_folder
-from reconcile.ports import Ports
+from reconcile.equations import sites
+from reconcile.equations.extended import Extended
+from reconcile.equations.model import Attached, read_folder
+from reconcile.equations.ports import Ports
+from reconcile.judging import quantization
 from specs.errors import InputError, nearest
 
 CLOCK = "running_time"

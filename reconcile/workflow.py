@@ -7,26 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from reconcile import (
-    checks,
-    clocks as recorded_clocks,
-    contract,
-    mistaken,
-    quantization,
-    report as reports,
-    target,
-    untold,
-    verdict as verdicts,
-)
-from reconcile.ahead import ahead, noise
-from reconcile.answer import Answer
-from reconcile.beam import Beam
-from reconcile.core import Core
-from reconcile.data import Run, read_run, split
+from reconcile.equations.model import Folder
+from reconcile.errors.ahead import ahead, noise
 from reconcile.experiment import plan
 from reconcile.filter.point import Point
-from reconcile.judge import Judge
-from reconcile.model import Folder
+from reconcile.judging import clocks as recorded_clocks, mistaken, quantization, untold, verdict as verdicts
+from reconcile.judging.answer import Answer
+from reconcile.judging.judge import Judge
+from reconcile.recordings import checks
+from reconcile.recordings.data import Run, read_run, split
+from reconcile.reporting import contract, report as reports, target
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
 from reconcile.start import units
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
 from reconcile.tolerances import LEAST_FLOOR, OF_ERROR

@@ -1,6 +1,6 @@
 """The catalogue of effects: every module here that has `EFFECTS`, one small file a place.
 
-Sensor quantization cannot be told by a fit; reconcile/quantization.py finds it in the values.
+Sensor quantization cannot be told by a fit; reconcile/judging/quantization.py finds it in the values.
 """
 
 from importlib import import_module

@@ -8,8 +8,8 @@ from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.closed.box import Box, Feedback
 from reconcile.closed.least_squares import Free
-from reconcile.data import Run
-from reconcile.model import ALL_OUTPUTS, Attached
+from reconcile.equations.model import ALL_OUTPUTS, Attached
+from reconcile.recordings.data import Run
 
 SPREAD = 0.5  # of a parameter, as a share of its start: how far it may be wrong
 

@@ -8,8 +8,8 @@ import numpy as np
 from reconcile.closed import evidence
 from reconcile.closed.evidence import Confirmed, Sample
 from reconcile.closed.least_squares import Free
-from reconcile.model import Attached
-from reconcile.noise import worth
+from reconcile.equations.model import Attached
+from reconcile.recordings.noise import worth
 
 
 @dataclass(frozen=True)

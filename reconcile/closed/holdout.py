@@ -7,8 +7,8 @@ import numpy as np
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.search import ClosedAnswer
 from reconcile.closed.starts import within
-from reconcile.data import Block
 from reconcile.page.shown import Course, Shown, Stretch
+from reconcile.recordings.data import Block
 from records.scores import scores
 
 STRETCHES = 2  # drawn

@@ -14,7 +14,7 @@ import numpy as np
 
 from fmus.definition import Model, Variable
 from reconcile.catalogue import ALL
-from reconcile.model import ALL_OUTPUTS, Attached
+from reconcile.equations.model import ALL_OUTPUTS, Attached
 from specs.errors import InputError, nearest
 
 Side = Literal["input", "output", "force"]

@@ -15,8 +15,8 @@ from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.least_squares import Free, covariance_of
 from reconcile.closed.simulation import Simulation
 from reconcile.closed.starts import Starts, within
-from reconcile.data import Parts, Run, still
-from reconcile.model import Attached
+from reconcile.equations.model import Attached
+from reconcile.recordings.data import Parts, Run, still
 from specs.errors import InputError, RunError
 
 STEPS = (1e-2, 0.1, 0.5)  # of a parameter's size, for differences

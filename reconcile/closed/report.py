@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import quantization, untold as open_untold, words
+from reconcile import words
 from reconcile.closed import candidates, evidence, holdout, untold, where, wrap
 from reconcile.closed.box import Box
 from reconcile.closed.fitted import ClosedFit, names, sample, standard_errors
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.search import ClosedAnswer, ClosedSearch
-from reconcile.data import Run, split
-from reconcile.findings import STAGES
-from reconcile.model import Attached
-from reconcile.report import MOST_CONSIDERED, stretches
+from reconcile.equations.model import Attached
+from reconcile.judging import quantization, untold as open_untold
+from reconcile.recordings.data import Run, split
+from reconcile.reporting.findings import STAGES
+from reconcile.reporting.report import MOST_CONSIDERED, stretches
 from reconcile.tolerances import MOVED, SEEN
 from records.scores import overall
 

@@ -10,7 +10,7 @@ from reconcile.closed.candidates import candidates
 from reconcile.closed.evidence import Sample
 from reconcile.closed.fitted import ClosedFit, confirmed, from_nothing, names, sample
 from reconcile.closed.problem import ClosedProblem
-from reconcile.model import Attached
+from reconcile.equations.model import Attached
 
 CLOSE = 2.0 * float(np.log(5.0))  # of twice the log-likelihood: odds of less than five do not tell apart
 MOST_RIVALS = 4

@@ -14,11 +14,11 @@ from reconcile.closed.box import Box, answer
 from reconcile.closed.candidates import Sizes
 from reconcile.closed.port import Passing, Port, Side, identifier
 from reconcile.closed.windows import STEP_S
-from reconcile.core import unique
-from reconcile.data import Parts, Run
-from reconcile.held import Held
-from reconcile.model import ALL_OUTPUTS, Attached
-from reconcile.noise import high_pass_level, quantum
+from reconcile.equations.model import ALL_OUTPUTS, Attached
+from reconcile.recordings.data import Parts, Run
+from reconcile.recordings.held import Held
+from reconcile.recordings.noise import high_pass_level, quantum
+from reconcile.search.core import unique
 from specs.errors import InputError
 
 REMEMBERED = 400  # answers of the FMU

@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile.closed.box import answer
 from reconcile.closed.windows import MARGIN_S, PREFIX
-from reconcile.data import Block, Run
+from reconcile.recordings.data import Block, Run
 from specs.errors import RunError
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from reconcile.catalogue import ALL, Effect
 from reconcile.closed.candidates import BIAS, candidates
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.problem import ClosedProblem
+from reconcile.judging.untold import NEEDS
 from reconcile.tolerances import KNOWN
-from reconcile.untold import NEEDS
 
 INSIDE = "the FMU is closed: it would have to change within"
 FORCE = "the FMU is closed: only a disturbance input and an output with its speed let a force be told"

@@ -15,15 +15,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from fmus.definition import Variable
-from reconcile import localise
 from reconcile.closed.box import VELOCITIES
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.windows import MARGIN_S, Window, cut
-from reconcile.data import Run, Signal
-from reconcile.localise import Located
-from reconcile.ports import Axis
-from reconcile.residual import Residual
+from reconcile.equations.ports import Axis
+from reconcile.errors import localise
+from reconcile.errors.localise import Located
+from reconcile.errors.residual import Residual
+from reconcile.recordings.data import Run, Signal
 
 CHANGE_S = 0.2  # over which a rate is taken
 LAGS, LAG_S = 2, 0.1  # earlier errors that later ones follow from

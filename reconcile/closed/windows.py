@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from reconcile.data import Block, Run
+from reconcile.recordings.data import Block, Run
 
 STEP_S = (0.002, 0.01)  # least and largest step of a simulation
 MARGIN_S = 0.3  # before the samples, for sensor delays

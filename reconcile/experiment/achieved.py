@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
-from reconcile.answer import Answer
-from reconcile.core import Core
+from reconcile.equations.model import Attached
 from reconcile.experiment.choose import NEEDED
 from reconcile.experiment.judges import difference
 from reconcile.filter.point import Point
-from reconcile.model import Attached
+from reconcile.judging.answer import Answer
+from reconcile.search.core import Core
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from fmus.toolchain.discrete import DiscreteStepper
 from fmus.toolchain.loader import load_model
 from fmus.toolchain.stepper import Stepper
 from learning.collection.plan import PLAN_COMMANDS
-from reconcile.data import Run, Signal
 from reconcile.experiment.limits import Range
+from reconcile.recordings.data import Run, Signal
 from reconcile.system.parts import JOINTS, RATES
 from specs.signals import signals
 

@@ -13,10 +13,10 @@ from typing import Any
 
 from learning.collection.collect import collect
 from learning.collection.plan import load_plan
-from reconcile import target
-from reconcile.checks import open_folder
 from reconcile.experiment import plan
 from reconcile.experiment.achieved import compared
+from reconcile.recordings.checks import open_folder
+from reconcile.reporting import target
 from reconcile.system.parts import part_named, parts_of
 from reconcile.workflow import reconcile
 from specs.errors import InputError, RunError

@@ -6,9 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
+from reconcile.equations.model import Attached
 from reconcile.experiment.predict import Bench, Played, information
 from reconcile.filter.point import Free, Point
-from reconcile.model import Attached
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmus.definition import Variable
-from reconcile.core import Core
-from reconcile.data import Run, Signal
+from reconcile.recordings.data import Run, Signal
+from reconcile.search.core import Core
 from specs.errors import InputError
 from specs.signals import signals
 

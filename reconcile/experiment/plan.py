@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from learning.collection.plan import PLAN_COMMANDS, load_plan
-from reconcile.model import Folder
+from reconcile.equations.model import Folder
 from records.formats import csv_write, read_measurement
 from records.measurement import Channel, Measurement
 from specs.signals import signals

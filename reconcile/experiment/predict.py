@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reconcile.core import Core
-from reconcile.data import Run, Signal
 from reconcile.experiment.carried import Carrier
 from reconcile.experiment.excitation import LEAD, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
@@ -20,6 +18,8 @@ from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, Kalman, Values
 from reconcile.filter.point import Point
 from reconcile.filter.record import Record
+from reconcile.recordings.data import Run, Signal
+from reconcile.search.core import Core
 from reconcile.tolerances import OUTPUT_FLOOR, STUDENT
 
 SAMPLES = 1000  # of an experiment while excitations are compared

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from learning.collection.plan import PERIOD_S
-from reconcile import untold
-from reconcile.answer import Answer
-from reconcile.core import Core
 from reconcile.experiment import achieved, plan, say
 from reconcile.experiment.carried import Derive, carrier
 from reconcile.experiment.choose import NEEDED, Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import Limit, limits_of
 from reconcile.experiment.predict import Bench
+from reconcile.judging import untold
+from reconcile.judging.answer import Answer
+from reconcile.search.core import Core
 from reconcile.system.parts import Part
 from specs.errors import InputError
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from reconcile.equations.model import Attached, Folder
 from reconcile.experiment.excitation import commands, of_dict
 from reconcile.experiment.limits import Limits
 from reconcile.experiment.plan import units_of
-from reconcile.model import Attached, Folder
 
 KINDS = {
     "steps": "random steps of up to {a}, each held for about {p}",

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from reconcile.equations.model import Attached
 from reconcile.filter.likelihood import Likelihood
 from reconcile.filter.point import At, Free, Point
-from reconcile.model import Attached
 
 LONGEST = 3.0  # of a step in a coordinate
 TRIES, STALE_TRIES = 6, 2  # dampings of a step, with new slopes and with kept ones

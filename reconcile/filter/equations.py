@@ -10,8 +10,8 @@ from functools import cached_property
 import casadi as ca
 
 from fmus.toolchain.codegen import CASADI_OPTIONS
-from reconcile.assembly import Assembly
-from reconcile.extended import Extended
+from reconcile.equations.assembly import Assembly
+from reconcile.equations.extended import Extended
 
 BENDS = 4000  # operations of a second derivative by time above which it is left out
 ROOM = 4096  # numbers of scratch space

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from reconcile.equations.model import Attached
 from reconcile.filter.descent import Descent
 from reconcile.filter.kalman import Values
 from reconcile.filter.likelihood import Likelihood
 from reconcile.filter.point import Free, Point
-from reconcile.model import Attached
 
 PATIENCE = 3  # steps after which a fit that is hopeless so far …
 HOPE = 0.2  # … has to gain that share of what it lacks

@@ -8,14 +8,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from reconcile.extended import Extended
+from reconcile.equations.extended import Extended
+from reconcile.equations.model import Attached, Folder
+from reconcile.equations.reach import behind, felt
 from reconcile.filter.equations import Stepped
 from reconcile.filter.late import Late
 from reconcile.filter.library import Library
 from reconcile.filter.record import KEPT, Record
 from reconcile.filter.smooth import smoothed
-from reconcile.model import Attached, Folder
-from reconcile.reach import behind, felt
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from reconcile.extended import Extended
+from reconcile.equations.extended import Extended
 
 Delay = tuple[float, float]  # s, and what it gains per second of the recording
 

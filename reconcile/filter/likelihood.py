@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Filtered, Kalman, Values
 from reconcile.filter.point import At, Free
-from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
 
 

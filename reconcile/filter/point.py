@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISES, Values
-from reconcile.model import Attached
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.data import Block, Run
-from reconcile.held import Held
+from reconcile.recordings.data import Block, Run
+from reconcile.recordings.held import Held
 
 KEPT = 200  # rows of signals, by their delays, that are kept
 NEAR = 0.51  # of a step, by which a sample may be away from it

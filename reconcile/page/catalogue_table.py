@@ -1,8 +1,8 @@
 """The catalogue of effects as a table, and as a page of docs/reference."""
 
-from reconcile import quantization
 from reconcile.catalogue import ALL
 from reconcile.catalogue.effect import Parameter
+from reconcile.judging import quantization
 from specs import markdown
 
 PAGE = """The physical effects that `slewright reconcile` can name, where they act and where their

@@ -6,10 +6,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from reconcile.answer import Answer
-from reconcile.findings import gather
+from reconcile.judging.answer import Answer
 from reconcile.page import plots, sections
 from reconcile.page.shown import Shown, shown
+from reconcile.reporting.findings import gather
 from reconcile.words import number, percent
 from records.report import shell
 from records.report.figures import Figure

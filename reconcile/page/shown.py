@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from reconcile import regimes
-from reconcile.findings import STAGES, Findings
-from reconcile.localise import Located
-from reconcile.regimes import Regime
-from reconcile.residual import missing_forces, residuals
+from reconcile.errors import regimes
+from reconcile.errors.localise import Located
+from reconcile.errors.regimes import Regime
+from reconcile.errors.residual import missing_forces, residuals
+from reconcile.reporting.findings import STAGES, Findings
 
 WINDOWS = 2  # drawn
 RESIDUALS = 3

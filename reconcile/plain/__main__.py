@@ -5,9 +5,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from reconcile.data import Run, read_run, split
-from reconcile.model import Folder, read_folder
+from reconcile.equations.model import Folder, read_folder
 from reconcile.plain import greedy, sindy
+from reconcile.recordings.data import Run, read_run, split
 from reconcile.system.examine import Recording, own_runs
 from reconcile.system.parts import parts_of, with_signals
 from records.formats import read_measurement

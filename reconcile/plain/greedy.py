@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from reconcile.catalogue import ALL, Effect
-from reconcile.core import Core
-from reconcile.data import Parts
+from reconcile.equations.model import Folder
 from reconcile.filter.point import Point
-from reconcile.model import Folder
-from reconcile.sets import Key, Sets
+from reconcile.recordings.data import Parts
+from reconcile.search.core import Core
+from reconcile.search.sets import Key, Sets
 
 FITTED = 5  # of the best by score, at each step
 LARGEST = 5  # effects

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from reconcile import holdout
-from reconcile.core import Core
-from reconcile.data import Parts, Signal
-from reconcile.holdout import Stretch, Trace
-from reconcile.model import Folder
-from reconcile.ports import Axis
+from reconcile.equations.model import Folder
+from reconcile.equations.ports import Axis
+from reconcile.errors import holdout
+from reconcile.errors.holdout import Stretch, Trace
+from reconcile.recordings.data import Parts, Signal
+from reconcile.search.core import Core
 
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # of a term's share of the acceleration (rms)
 RIDGE = 0.01  # times the samples: terms that are nearly the same must not stand against each other

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import checks, untold
-from reconcile.core import Core
-from reconcile.data import Run, read_run, split
-from reconcile.model import Attached
-from reconcile.screen import Screen
-from reconcile.shapes import Shapes
+from reconcile.equations.model import Attached
+from reconcile.judging import untold
+from reconcile.recordings import checks
+from reconcile.recordings.data import Run, read_run, split
+from reconcile.search.core import Core
+from reconcile.search.screen import Screen
+from reconcile.search.shapes import Shapes
 from reconcile.start import units
 from reconcile.tolerances import KNOWN
 from specs.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reconcile import target
+from reconcile.reporting import target
 from reconcile.start import estimate, templates
 from reconcile.start.columns import Column, columns_of, is_of
 from reconcile.start.templates import MOVES, TURNS, Draft, Motion, Quantity

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.answer import Answer
-from reconcile.data import Run, Signal, runs_of
-from reconcile.model import Folder, read_folder
+from reconcile.equations.model import Folder, read_folder
+from reconcile.judging.answer import Answer
+from reconcile.recordings.data import Run, Signal, runs_of
 from reconcile.system import felt
 from reconcile.system.parts import Part, with_signals
 from reconcile.system.ways import followed

@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from reconcile.core import Core
-from reconcile.data import Run
 from reconcile.filter.point import Point
-from reconcile.noise import high_pass_level
+from reconcile.recordings.data import Run
+from reconcile.recordings.noise import high_pass_level
+from reconcile.search.core import Core
 
 HALF_WIDTH = 5  # samples each side that smoothing looks at
 LEAST = 1e-6  # rad, rad/s: noise of a recording without any

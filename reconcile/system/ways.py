@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from reconcile.core import Core
-from reconcile.data import Run, split
-from reconcile.model import Folder
+from reconcile.equations.model import Folder
+from reconcile.recordings.data import Run, split
+from reconcile.search.core import Core
 from reconcile.system.parts import Part
 from specs.errors import InputError
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.rigs import balls, run as rigs
-from reconcile.checks import open_folder, read_names
-from reconcile.data import read_run
+from reconcile.recordings.checks import open_folder, read_names
+from reconcile.recordings.data import read_run
 from tests.benchmarks.command import benchmarks
 from tests.conftest import ROOT
 

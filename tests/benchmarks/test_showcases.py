@@ -13,8 +13,8 @@ from fmus.models.tool.model import MODEL as TOOL
 from fmus.toolchain.build import build_fmu
 from fmus.toolchain.discrete import DiscreteStepper
 from learning.collection.plan import load_plan
+from reconcile.equations.model import read_folder
 from reconcile.extend import extend
-from reconcile.model import read_folder
 from records.metrics import compute
 from records.record import Record
 from specs import scenario as scenarios_spec

@@ -31,7 +31,7 @@ def test_an_effect_is_searched_at_every_axis(tmp_path):
     assert "eddy_current_brake" in copy.run("slewright effects")
     assert "eddy_current_brake" in (tmp_path / "docs" / "reference" / "effects.md").read_text()
     code = (
-        "from reconcile.model import candidates, read_folder; "
+        "from reconcile.equations.model import candidates, read_folder; "
         'print([a.port for a in candidates(read_folder("tests/reconcile/rig"), ["speed"]) '
         'if a.effect.name == "eddy_current_brake"])'
     )

@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from reconcile.answer import Answer
-from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
-from reconcile.core import Core
-from reconcile.data import Run, runs_of, split
-from reconcile.findings import Findings, gather
-from reconcile.judge import Judge, Judged
-from reconcile.model import Folder, read_folder
-from reconcile.screen import Screen
-from reconcile.sets import Key
+from reconcile.equations.model import Folder, read_folder
+from reconcile.judging.answer import Answer
+from reconcile.judging.judge import Judge, Judged
+from reconcile.recordings.data import Run, runs_of, split
+from reconcile.reporting.findings import Findings, gather
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.screen import Screen
+from reconcile.search.sets import Key
 from tests.reconcile.truth import Truth, record
 
 RIG = Path(__file__).with_name("rig")

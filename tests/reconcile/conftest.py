@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from reconcile.data import runs_of
-from reconcile.model import Folder, read_folder
+from reconcile.equations.model import Folder, read_folder
+from reconcile.recordings.data import runs_of
 from reconcile.workflow import examine
 from tests.reconcile.truth import Truth, record
 

@@ -7,11 +7,11 @@ import casadi as ca
 import numpy as np
 
 from fmus.definition import Model, Variable
-from reconcile.data import Block, Run, Signal
+from reconcile.equations.model import Folder
+from reconcile.equations.ports import find_ports
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman
 from reconcile.filter.record import Record, records
-from reconcile.model import Folder
-from reconcile.ports import find_ports
+from reconcile.recordings.data import Block, Run, Signal
 
 
 def folder(model: Model, ports: Mapping | None = None) -> Folder:

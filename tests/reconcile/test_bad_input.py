@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reconcile.answer import Answer
-from reconcile.beam import Beam
-from reconcile.core import Core
-from reconcile.data import runs_of, split
-from reconcile.judge import Judge
-from reconcile.model import read_folder
-from reconcile.target import check as check_target, staged
-from reconcile.untold import untold
+from reconcile.equations.model import read_folder
+from reconcile.judging.answer import Answer
+from reconcile.judging.judge import Judge
+from reconcile.judging.untold import untold
+from reconcile.recordings.data import runs_of, split
+from reconcile.reporting.target import check as check_target, staged
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
 from reconcile.workflow import examine, reconcile, told
 from records.measurement import Channel, Measurement
 from slewright.__main__ import run as command

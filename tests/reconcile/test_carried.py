@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fmus.equations import kinematics
-from reconcile.data import Run, Signal
 from reconcile.experiment import plan
 from reconcile.experiment.carried import Carrier, carrier
+from reconcile.recordings.data import Run, Signal
 from reconcile.system.parts import part_named
 
 POSE = {"q_boom": 1.1, "q_stick": -1.2}

@@ -8,9 +8,9 @@ import pytest
 
 from fmus.definition import Model, Variable
 from reconcile.catalogue import ALL, Scales
-from reconcile.extended import Extended
-from reconcile.model import Attached, Folder, candidates, read_folder
-from reconcile.ports import find_ports
+from reconcile.equations.extended import Extended
+from reconcile.equations.model import Attached, Folder, candidates, read_folder
+from reconcile.equations.ports import find_ports
 
 INPUT = [
     "input_dead_zone",

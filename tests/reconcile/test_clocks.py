@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from reconcile.answer import Answer
-from reconcile.beam import Beam
-from reconcile.clocks import Clock, differing, settled
-from reconcile.core import Core
-from reconcile.data import Run, runs_of, split
-from reconcile.judge import Judge
+from reconcile.judging.answer import Answer
+from reconcile.judging.clocks import Clock, differing, settled
+from reconcile.judging.judge import Judge
+from reconcile.recordings.data import Run, runs_of, split
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
 from reconcile.workflow import examine
 from records.measurement import Measurement
 from tests.reconcile.truth import Truth, record

@@ -15,7 +15,7 @@ from orchestrator.system.stimuli import Stimuli
 from reconcile.closed.box import Box, answer
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.report import examine
-from reconcile.data import runs_of, split
+from reconcile.recordings.data import runs_of, split
 from reconcile.workflow import reconcile
 from records.measurement import Channel, Measurement
 from slewright.__main__ import run as command

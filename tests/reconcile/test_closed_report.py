@@ -14,7 +14,7 @@ from reconcile.closed.box import Box, answer
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.report import examine
 from reconcile.closed.untold import untold
-from reconcile.data import runs_of, split
+from reconcile.recordings.data import runs_of, split
 from reconcile.workflow import reconcile
 from records.measurement import Channel, Measurement
 from tests.reconcile.conftest import RIG

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from fmus.definition import Variable
-from reconcile.answer import standard_errors
-from reconcile.beam import Beam
 from reconcile.catalogue import ALL
-from reconcile.core import Core
-from reconcile.data import Run, Signal, split
+from reconcile.equations.model import Folder
 from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Free
-from reconcile.judge import Judge
-from reconcile.model import Folder
-from reconcile.screen import Screen
+from reconcile.judging.answer import standard_errors
+from reconcile.judging.judge import Judge
+from reconcile.recordings.data import Run, Signal, split
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.screen import Screen
 from tests.reconcile import models
 from tests.reconcile.answers import cored, fitted, recorded, rig
 from tests.reconcile.truth import Truth, coulomb

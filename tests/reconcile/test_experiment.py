@@ -12,11 +12,8 @@ import numpy as np
 import pytest
 
 from learning.collection.plan import load_plan
-from reconcile.answer import Answer
-from reconcile.beam import Beam
 from reconcile.catalogue import ALL
-from reconcile.core import Core
-from reconcile.data import Block, Parts, Run, Signal, runs_of, split
+from reconcile.equations.model import Folder
 from reconcile.experiment import plan, say
 from reconcile.experiment.achieved import candidates, compared, margins, seen
 from reconcile.experiment.choose import LONGEST, NEEDED, rough, spread
@@ -25,9 +22,12 @@ from reconcile.experiment.judges import Pairs
 from reconcile.experiment.limits import Limit, limits_of
 from reconcile.experiment.predict import Bench
 from reconcile.experiment.propose import Proposal, propose
-from reconcile.judge import Judged
-from reconcile.model import Folder
-from reconcile.sets import Key
+from reconcile.judging.answer import Answer
+from reconcile.judging.judge import Judged
+from reconcile.recordings.data import Block, Parts, Run, Signal, runs_of, split
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.sets import Key
 from records.formats import read_measurement
 from specs.errors import InputError
 from tests.reconcile.effects import delay, lag

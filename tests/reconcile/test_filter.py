@@ -10,14 +10,14 @@ from scipy.integrate import solve_ivp
 from fmus.paths import SHIM
 from fmus.toolchain import compiler
 from reconcile.catalogue import ALL
-from reconcile.data import runs_of
-from reconcile.extended import Extended
+from reconcile.equations.extended import Extended
+from reconcile.equations.model import Folder, candidates
 from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Kalman
 from reconcile.filter.library import HERE
 from reconcile.filter.point import Free
-from reconcile.model import Folder, candidates
+from reconcile.recordings.data import runs_of
 from records.measurement import Measurement
 from tests.reconcile import models
 from tests.reconcile.truth import Truth, record

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reconcile import localise, regimes
-from reconcile.data import split
-from reconcile.localise import THROUGHOUT
+from reconcile.errors import localise, regimes
+from reconcile.errors.localise import THROUGHOUT
+from reconcile.recordings.data import split
 from tests.reconcile.answers import answered, recorded, rig
 from tests.reconcile.effects import SINGLE, dead_zone, lag
 from tests.reconcile.truth import Truth, coulomb

@@ -3,8 +3,8 @@
 import pytest
 
 from reconcile.catalogue import ALL
-from reconcile.data import runs_of, split
 from reconcile.plain import __main__ as plain, greedy, sindy
+from reconcile.recordings.data import runs_of, split
 from specs.errors import InputError
 from tests.reconcile.conftest import RIG
 from tests.reconcile.truth import Truth, coulomb, record

@@ -9,11 +9,12 @@ import pytest
 from blindtest import case as cases
 from fmus.definition import Sensor, Variable
 from fmus.toolchain.loader import load_model
-from reconcile import contract, quantization
-from reconcile.data import Run, Signal
+from reconcile.judging import quantization
+from reconcile.judging.quantization import examine, named
 from reconcile.page.page import write_page
 from reconcile.page.shown import Shown
-from reconcile.quantization import examine, named
+from reconcile.recordings.data import Run, Signal
+from reconcile.reporting import contract
 from tests.reconcile.answers import RIG
 from tests.reconcile.reports import REPORT
 

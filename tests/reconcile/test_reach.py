@@ -4,8 +4,8 @@ from itertools import product
 
 import pytest
 
-from reconcile.model import ALL_OUTPUTS, Attached, candidates, read_folder
-from reconcile.reach import Reach
+from reconcile.equations.model import ALL_OUTPUTS, Attached, candidates, read_folder
+from reconcile.equations.reach import Reach
 
 BOOM, STICK = ["q_boom", "qd_boom"], ["q_stick", "qd_stick"]
 RECORDED = ["qd_boom_ref", "qd_stick_ref", *BOOM, *STICK]

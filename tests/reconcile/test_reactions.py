@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconcile import untold
-from reconcile.core import Core
-from reconcile.data import Run, runs_of, split
-from reconcile.model import Folder, read_folder
-from reconcile.ports import find_ports
-from reconcile.sets import Sets
+from reconcile.equations.model import Folder, read_folder
+from reconcile.equations.ports import find_ports
+from reconcile.judging import untold
+from reconcile.recordings.data import Run, runs_of, split
+from reconcile.search.core import Core
+from reconcile.search.sets import Sets
 from reconcile.workflow import examine
 from records.measurement import Channel, Measurement
 from specs.errors import InputError

@@ -7,14 +7,17 @@ import re
 import numpy as np
 import pytest
 
-from reconcile import replicates, report as reports, verdict as verdicts, words
-from reconcile.contract import Report, check
-from reconcile.data import Run, Signal
-from reconcile.findings import Findings, above
+from reconcile import words
+from reconcile.errors import replicates
+from reconcile.judging import verdict as verdicts
 from reconcile.page import plots
 from reconcile.page.equation import equation, spelt
 from reconcile.page.page import _facts, write_page
 from reconcile.page.shown import Course, Shown, Stretch, missing, shown
+from reconcile.recordings.data import Run, Signal
+from reconcile.reporting import report as reports
+from reconcile.reporting.contract import Report, check
+from reconcile.reporting.findings import Findings, above
 from reconcile.workflow import _plain
 from tests.reconcile.answers import REFUSED, answered, recorded
 from tests.reconcile.truth import Truth, coulomb

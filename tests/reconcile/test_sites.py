@@ -12,10 +12,10 @@ import pytest
 from fmus.models.tool.model import MODEL as TOOL
 from fmus.toolchain.build import build_fmu
 from reconcile.catalogue import ALL
-from reconcile.data import Run, Signal
-from reconcile.extended import Extended
-from reconcile.model import candidates, read_folder
-from reconcile.ports import find_ports
+from reconcile.equations.extended import Extended
+from reconcile.equations.model import candidates, read_folder
+from reconcile.equations.ports import find_ports
+from reconcile.recordings.data import Run, Signal
 from specs.errors import InputError
 from tests.fmus.importer import Imported
 

@@ -11,12 +11,12 @@ from fmus.models.arm.model import MODEL as ARM
 from fmus.models.machine.model import MODEL as MACHINE
 from fmus.toolchain.discrete import DiscreteStepper
 from fmus.toolchain.stepper import Stepper
-from reconcile.beam import Beam
 from reconcile.catalogue import ALL
-from reconcile.contract import check
-from reconcile.core import Core
-from reconcile.data import Run, Signal, runs_of, split
-from reconcile.model import read_folder
+from reconcile.equations.model import read_folder
+from reconcile.recordings.data import Run, Signal, runs_of, split
+from reconcile.reporting.contract import check
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
 from reconcile.system import felt
 from reconcile.system.examine import Recording, _given, merged
 from reconcile.system.parts import SYSTEMS, parts_of, with_signals
@@ -239,7 +239,7 @@ def test_a_part_whose_neighbours_are_not_recorded_says_so() -> None:
 
 
 def test_runs_of_a_part_hold_its_derived_inputs() -> None:
-    from reconcile.model import read_folder
+    from reconcile.equations.model import read_folder
 
     arm = driven_arm()
     names = ("q_boom", "q_stick", "qd_boom", "qd_stick")

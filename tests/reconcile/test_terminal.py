@@ -1,6 +1,6 @@
 """What `slewright reconcile` says on the console beside the tables."""
 
-from reconcile.terminal import recording_notes
+from reconcile.reporting.terminal import recording_notes
 from slewright import __main__ as entry
 
 

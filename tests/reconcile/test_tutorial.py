@@ -35,8 +35,8 @@ def follow(page: Path, folder: Path, until: str = "") -> list[str]:
 
 
 def test_the_first_model_is_written_and_fits_the_recordings(tmp_path: Path):
-    from reconcile.checks import open_folder, read_names
-    from reconcile.data import read_run
+    from reconcile.recordings.checks import open_folder, read_names
+    from reconcile.recordings.data import read_run
 
     assert len(follow(PAGE, tmp_path, LAST)) == 2
     folder = open_folder(str(tmp_path / "rig"))

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from reconcile import judge as judges, verdict as verdicts
 from reconcile.catalogue import Scales
-from reconcile.free import LATEST, FreeParameters
-from reconcile.model import candidates
+from reconcile.equations.model import candidates
+from reconcile.judging import judge as judges, verdict as verdicts
+from reconcile.search.free import LATEST, FreeParameters
 
 
 @pytest.mark.parametrize(

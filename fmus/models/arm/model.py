@@ -72,7 +72,7 @@ def _start(p: Namespace) -> dict[str, ca.SX]:
     return {"boom": p.start_q_boom, "stick": p.start_q_stick}
 
 
-# Where effects attach (reconcile/ports.py).  The rate limit is the controller's own, the delay the model's.
+# Where effects attach (reconcile/README.md).  The rate limit is the controller's own, the delay the model's.
 PORTS = {
     "boom": {
         "velocity": "boom_rate",

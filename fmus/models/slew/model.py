@@ -49,7 +49,7 @@ def _brake(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> Any:
     return slew_drive.brake(x.qd, 0.0, p)
 
 
-# Where effects attach (reconcile/ports.py).  Of each phenomenon its size is doubted; the shapes of its
+# Where effects attach (reconcile/README.md).  Of each phenomenon its size is doubted; the shapes of its
 # curves, knees and valve settings are the design's.  REACH: the inertia by the squared radius of the arm tip,
 # I = 41.6 t m2 + 3506 kg r2: least squares over the working range, tool empty (kinematics.inertia_z).
 REACH = (41.6e3, 3506.0)

@@ -98,7 +98,7 @@ def _mass(p: Namespace) -> ca.SX:
     return p.tool_mass + p.load_mass
 
 
-# Where effects attach (reconcile/ports.py).  A load changes a pendulum by its length alone; it has no drive.
+# Where effects attach (reconcile/README.md).  A load changes a pendulum by its length alone; it has no drive.
 OWN = ("viscous_friction", "gravity_load", "payload_mass", "pose_dependent_inertia", "torque_ripple")
 PORTS = {
     "roll": {

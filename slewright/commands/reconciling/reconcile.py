@@ -66,8 +66,8 @@ def reconcile(
 
     Every verdict is an answer and ends with 0: there is no limit here that could be missed.
     """
-    from reconcile import terminal
     from reconcile.experiment import drive
+    from reconcile.reporting import terminal
     from reconcile.workflow import reconcile as run
     from specs import draws
 

@@ -11,8 +11,8 @@ import pytest
 from deployment.shadow import agreement, closeness, handover, ranges
 from deployment.shadow.recorded import Shadowed, read
 from deployment.shadow.report import Request, run
-from reconcile.data import read_run
-from reconcile.model import read_folder
+from reconcile.equations.model import read_folder
+from reconcile.recordings.data import read_run
 from records.formats import read_measurement, write_measurement
 from runtime.control import AXES
 from runtime.image import OUTPUT

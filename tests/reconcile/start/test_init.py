@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fmus.toolchain.codegen import model_config_h
-from reconcile.checks import open_folder, read_names
-from reconcile.data import read_run
+from reconcile.equations.model import Folder
 from reconcile.extend import extend
-from reconcile.model import Folder
+from reconcile.recordings.checks import open_folder, read_names
+from reconcile.recordings.data import read_run
 from reconcile.start.columns import read_columns, unit_in_name
 from reconcile.start.write import start
 from slewright.__main__ import run

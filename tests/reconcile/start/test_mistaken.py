@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconcile import checks, mistaken
-from reconcile.core import Core
-from reconcile.data import read_run, split
+from reconcile.judging import mistaken
+from reconcile.recordings import checks
+from reconcile.recordings.data import read_run, split
+from reconcile.search.core import Core
 from reconcile.workflow import examine
 from slewright.__main__ import run
 from specs.errors import InputError

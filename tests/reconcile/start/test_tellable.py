@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reconcile.core import Core
-from reconcile.data import runs_of, split
-from reconcile.model import read_folder
+from reconcile.equations.model import read_folder
+from reconcile.recordings.data import runs_of, split
+from reconcile.search.core import Core
 from reconcile.start.tellable import lines, told
 from tests.reconcile.conftest import RIG
 from tests.reconcile.truth import Truth, record

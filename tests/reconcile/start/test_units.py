@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconcile.data import read_run
-from reconcile.model import read_folder
+from reconcile.equations.model import read_folder
+from reconcile.recordings.data import read_run
 from reconcile.start.units import doubts, notes, pairs
 from slewright.__main__ import run
 from tests.conftest import ROOT

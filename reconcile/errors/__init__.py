@@ -1,0 +1,1 @@
+"""What a model leaves: errors ahead, missing forces, and where they gather."""

@@ -1,0 +1,72 @@
+"""How far a model errs by itself: from the filtered state on, without disturbance, over its own time."""
+
+import numpy as np
+
+from reconcile.filter.kalman import NOISE
+from reconcile.filter.point import Point
+from reconcile.search.core import Core
+
+
+def horizon_s(core: Core) -> float:
+    """Time over which the model is to predict by itself: in which the outputs forget, within the blocks."""
+    blocks = [b.end_s - b.start_s for b in core.parts.confirm]
+    return float(min(max(core.memory_s, 10.0 * core.period), min(blocks)))
+
+
+def windows(core: Core, which: str, horizon: float) -> list[np.ndarray]:
+    """Numbers of the stretches [n] of every recording in which the model runs by itself (0: none)."""
+    found, number = [], 0
+    for record in core.records:
+        inside = getattr(record, which)
+        ids = np.zeros(len(record.time), int)
+        begun = -np.inf
+        for k in np.flatnonzero(inside):
+            if k == 0:
+                continue
+            if not inside[k - 1] or record.time[k] - begun >= horizon:
+                number, begun = number + 1, record.time[k]
+            ids[k] = number
+        found.append(ids)
+    return found
+
+
+def noise(core: Core, point: Point) -> float:
+    """Noise of the outputs in their spreads (rms)."""
+    return float(np.sqrt(np.mean([(point.values[NOISE + n] / core.spread[n]) ** 2 for n in core.outputs])))
+
+
+def confirmed(core: Core, point: Point) -> float:
+    """Nats of confirm, which nothing was fitted to."""
+    run = core.kalman.run(point.values, point.present, own=True)
+    if run is None:
+        return float("inf")
+    losses = [
+        core.fitter.loss(f.e[s], f.s[s]).sum() for f, s in zip(run, core.scored["confirm"], strict=True)
+    ]
+    return float(sum(losses))
+
+
+def ahead(core: Core, point: Point, which: str = "confirm") -> float:
+    """Error ahead of a point above its noise; see Judge.ahead."""
+    error, known = squares(core, point, which)
+    return float(np.sqrt(max(error - known, 0.0)))
+
+
+def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:
+    """Mean squares of the error ahead, noise and all, and of the noise, in spreads of the outputs."""
+    ids = windows(core, which, horizon_s(core))
+    run = core.kalman.run(point.values, point.present, windows=ids, own=True)
+    if run is None:
+        return float("inf"), 0.0
+    total, known, count = 0.0, 0.0, 0
+    spread = np.array([core.spread[n] for n in core.outputs])
+    noise = np.array([point.values[NOISE + n] for n in core.outputs])
+    for f, i in zip(run, ids, strict=True):
+        error = (f.y - f.free)[i > 0] / spread
+        good = ~np.isnan(error)
+        # an error that runs away counts as the whole motion, not as more
+        error = np.clip(error, -3.0, 3.0)
+        total += float(np.sum(np.where(good, error, 0.0) ** 2))
+        known += float(np.sum(good * (noise / spread) ** 2))
+        count += int(good.sum())
+    return total / max(count, 1), known / max(count, 1)

@@ -1,0 +1,1 @@
+"""What is believed of what was found, and what is asked first."""

@@ -1,0 +1,50 @@
+"""An answer: the accepted set with its fit, the base fit, and sets that cannot be told from the answer."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconcile.equations.model import Attached
+from reconcile.filter.point import Point
+from reconcile.judging.judge import Judged
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.sets import Key
+
+
+@dataclass(frozen=True)
+class Answer:
+    """See above; `beam` holds all sets that were fitted, `judged` how probable they are."""
+
+    core: Core
+    beam: Beam
+    judged: Judged
+
+    @property
+    def point(self) -> Point:
+        """The accepted set, fitted."""
+        return self.beam.points[self.judged.answer]
+
+    @property
+    def base(self) -> Point:
+        """The model without effects, fitted."""
+        return self.beam.points[frozenset()]
+
+    @property
+    def present(self) -> tuple[Attached, ...]:
+        """The accepted effects."""
+        return tuple(self.point.present)
+
+    @property
+    def alternatives(self) -> tuple[Key, ...]:
+        """Sets that may be the answer as well."""
+        return self.judged.alternatives
+
+
+def standard_errors(point: Point) -> Mapping[str, float]:
+    """Of all that was fitted, in its own unit."""
+    size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
+    return {
+        f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
+    }

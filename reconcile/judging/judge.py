@@ -1,0 +1,252 @@
+"""The answer: what is probable must also shorten the error ahead, on data that it was not fitted to."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from reconcile.catalogue import ALL
+from reconcile.catalogue.kinds import kind
+from reconcile.equations.model import Attached
+from reconcile.errors.ahead import ahead, confirmed, noise
+from reconcile.filter.point import Point
+from reconcile.search.beam import Beam
+from reconcile.search.sets import BEHIND, Key
+from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
+
+MOST_DECLARED = 4
+MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
+FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
+ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
+ENOUGH = 0.9  # of the probability that the declared sets hold together
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An answer: its set, sets that may be it as well, probabilities by effect and kind, errors ahead.
+
+    `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
+    """
+
+    answer: Key
+    alternatives: tuple[Key, ...]
+    probability: Mapping[str, float]
+    kinds: Mapping[str, float]
+    sets: Sequence[tuple[tuple[str, ...], float]]
+    gains: Mapping[Attached, tuple[float, float]]
+    refused: Sequence[Mapping[str, str]]
+    errors: Mapping[Key, float] = field(default_factory=dict)
+
+
+class Weights:
+    """Probabilities of sets, summed: by names, by effect, by kind."""
+
+    def __init__(self, beam: Beam, posterior: Mapping[Key, float]):
+        self.posterior = posterior
+        self.by_names: dict[tuple[str, ...], float] = {}
+        self.effects: dict[str, float] = {}
+        self.kinds: dict[str, float] = {}
+        self.best: dict[tuple[str, ...], Key] = {}  # the likeliest of each name
+        for k, p in posterior.items():
+            names = _names(k)
+            self.by_names[names] = self.by_names.get(names, 0.0) + p
+            for n in _held_in(k):
+                self.effects[n] = self.effects.get(n, 0.0) + p
+            for n in {kind(n) for n in names}:
+                self.kinds[n] = self.kinds.get(n, 0.0) + p
+            if names not in self.best or beam.evidence(k) > beam.evidence(self.best[names]):
+                self.best[names] = k
+        self.order = sorted(self.by_names, key=lambda n: -self.by_names[n])
+
+    def doubted(self, key: Key) -> bool:
+        """Whether an effect of a set is less than sure."""
+        return any(self.effects[a.effect.name] < SURE for a in key)
+
+    @property
+    def first(self) -> Key:
+        """The likeliest set of the likeliest names."""
+        return self.best[self.order[0]]
+
+
+class Judge:
+    """Judges a search by the error over the model's own time on `confirm`."""
+
+    def __init__(self, beam: Beam):
+        self.beam, self.core = beam, beam.core
+        self._ahead: dict[Key, float] = {}
+
+    def ahead(self, key: Key) -> float:
+        """Error of a set over many steps on confirm, above the noise, in spreads of the outputs (rms)."""
+        if key not in self._ahead:
+            self._ahead[key] = ahead(self.core, self.beam.points[key])
+        return self._ahead[key]
+
+    def decide(self) -> Judged:
+        """The answer.
+
+        Where it is not sure, the other sets lose what does not earn its place in them, too: sets that differ
+        by such crumbs only are one answer.
+        """
+        weights = Weights(self.beam, _simplest(self.beam))
+        answer, refused = self._earning(weights.first, weights.kinds)
+        if weights.doubted(answer):
+            cleaned: dict[Key, float] = {}
+            for k, p in weights.posterior.items():
+                kept = self._earning(k, weights.kinds)[0] if p > LEAST_SHOWN else k
+                cleaned[kept] = cleaned.get(kept, 0.0) + p
+            weights = Weights(self.beam, cleaned)
+            answer = weights.first
+            refused = [r for r in refused if r["effect"] not in _names(answer)]
+        doubted = weights.doubted(answer)
+        declared = [answer] if answer else []
+        if doubted:
+            declared += self._rivals(answer, weights)
+        declared += [k for k in self._alike(answer) if k not in declared][: MOST_DECLARED - len(declared)]
+        if doubted and (nothing := weights.by_names.get((), 0.0)) > 1.0 - SURE:
+            text = f"nothing at all is as probable as {nothing:.2f}"
+            refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
+            answer, declared = frozenset(), []
+        gains = {a: self._gain(answer, a) for a in answer}
+        return Judged(
+            answer,
+            tuple(k for k in declared if _names(k) != _names(answer)),
+            _shown(weights.effects),
+            _shown(weights.kinds),
+            [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
+            gains,
+            refused,
+            dict(self._ahead),
+        )
+
+    def _rivals(self, answer: Key, weights: "Weights") -> list[Key]:
+        """Sets that share the probability with the answer, until they hold ENOUGH of it."""
+        total, found = weights.by_names.get(_names(answer), 0.0), []
+        for key in (weights.best[n] for n in weights.order if n):
+            if total >= ENOUGH or len(found) == MOST_DECLARED - 1:
+                break
+            if _names(key) != _names(answer) and not set(_names(answer)) <= _held_in(key):
+                total += weights.by_names[_names(key)]
+                found.append(key)
+        return found
+
+    def _alike(self, answer: Key) -> list[Key]:
+        """Sets with the same effect in another place, that err ahead as little, or both less than the noise.
+
+        What is late at the only input is late at all outputs: no likelihood should tell these two apart, and
+        where one does, it is by how well a sample is described.
+        """
+        least = self.beam.evidence(answer) - BEHIND
+        found = []
+        for key in self.beam.ranked():
+            more, less = key - answer, answer - key
+            if len(more) == len(less) == 1 and self.beam.evidence(key) > least:
+                (other,), (a,) = more, less
+                if other.effect.place != a.effect.place and _same(other.effect.name, a.effect.name):
+                    own, error = self.ahead(answer), self.ahead(key)
+                    close = self.beam.evidence(key) > self.beam.evidence(answer) - CLOSE
+                    hidden = close and max(own, error) < noise(self.core, self.beam.points[answer])
+                    found += [key] if hidden or (own and error < (1.0 + ALIKE) * own) else []
+        return found
+
+    def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
+        """The set without effects, of kinds so probable, that take too little of the error away."""
+        refused, base = [], self.ahead(frozenset())
+        while key:
+            shares = {a: self._shortened(key, a) for a in key}
+            weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
+            weak = [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
+            if not weak:
+                break
+            worst = min(weak, key=lambda a: shares[a][0])
+            left, _ = shares[worst]
+            text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
+            refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
+            key = key - {worst}
+        while (limit := _limit(self.beam, key)) is not None:
+            key = limit
+        return key, refused
+
+    def _told(self, key: Key, a: Attached, probability: float) -> bool:
+        """Whether the model errs so little that an effect's likelihood on confirm may tell it.
+
+        Where confirm hardly moves it, its kind has to be all but certain elsewhere, and not denied there.
+        """
+        less = self.beam.points[key - {a}]
+        if self.ahead(key) > max(NEAR, noise(self.core, less)):
+            return False
+        with_it, none = self.beam.points[key], self.beam.points[frozenset()]
+        gained = confirmed(self.core, less) - confirmed(self.core, with_it)
+        whole = confirmed(self.core, none) - confirmed(self.core, with_it)
+        enough = 0.0 if probability > CERTAIN else TOLD
+        return gained > max(enough, OF_NATS * whole)
+
+    def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
+        """Share of the error left without an effect that it takes away, and that in spreads."""
+        less = key - {a}
+        if less not in self.beam.points:
+            present = tuple(x for x in self.beam.points[key].present if x != a)
+            self.beam.refit(key, present)
+        if less not in self.beam.points:  # without it the model runs away
+            return 1.0, float("inf")
+        without, with_it = self.ahead(less), self.ahead(key)
+        return (without - with_it) / max(without, 1e-12), without - with_it
+
+    def _gain(self, key: Key, a: Attached) -> tuple[float, float]:
+        less = self.beam.points.get(key - {a})
+        gained = less.loss - self.beam.points[key].loss if less else float("nan")
+        return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _shown(probability: Mapping[str, float]) -> dict[str, float]:
+    """Probabilities worth showing, the largest first."""
+    ranked = sorted(probability.items(), key=lambda row: -row[1])
+    return {n: min(float(p), 1.0) for n, p in ranked if p > LEAST_SHOWN}
+
+
+def _held_in(key: Key) -> set[str]:
+    """Effects of a set, and what they become in a limit: the richer holds the simpler.
+
+    What has as many parameters is no simpler: a lag is not a delay.
+    """
+    limits = {n for a in key for n in a.effect.becomes if n and FEWEST[n] < len(a.effect.parameters)}
+    return limits | set(_names(key))
+
+
+def _same(name: str, other: str) -> bool:
+    """Whether two effects are one in two places: `input_delay`, `sensor_delay`."""
+    return kind(name) == kind(other) and name.partition("_")[2] == other.partition("_")[2]
+
+
+def _names(key: Key) -> tuple[str, ...]:
+    return tuple(sorted({a.effect.name for a in key}))
+
+
+def _simplest(beam: Beam) -> dict[Key, float]:
+    """Probabilities of sets; an effect that the fit left at nothing is none, one at its limit is that."""
+    found: dict[Key, float] = {}
+    for key, p in beam.posterior().items():
+        simplest = frozenset(a for a in key if not _nothing(beam.points[key], a))
+        kept = simplest if simplest in beam.points else key
+        while (limit := _limit(beam, kept)) is not None:
+            kept = limit
+        found[kept] = found.get(kept, 0.0) + p
+    return found
+
+
+def _limit(beam: Beam, key: Key) -> Key | None:
+    """The set with what one of its effects becomes in a limit, where that is as likely."""
+    for other, point in beam.points.items():
+        more, less = key - other, other - key
+        if len(more) == len(less) == 1 and len(other) == len(key):
+            (a,), (b,) = more, less
+            simpler = len(b.effect.parameters) < len(a.effect.parameters) and a.port == b.port
+            limit = simpler and b.effect.name in a.effect.becomes
+            if limit and point.loss < beam.points[key].loss + WORTH:
+                return other
+    return None
+
+
+def _nothing(point: Point, a: Attached) -> bool:
+    names = {a.name(q.name) for q in a.effect.amplitudes}
+    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+    return bool(names) and all(
+        point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
+    )

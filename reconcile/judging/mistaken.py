@@ -1,0 +1,190 @@
+"""Channels that are not what they are taken for: turned round, or in another unit, as rivals of an answer.
+
+An effect may make up for a wrong sign, with nonsense for its size: the sign is asked first.
+"""
+
+from collections.abc import Iterator, Mapping
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from reconcile import words
+from reconcile.equations.model import Attached
+from reconcile.errors.ahead import ahead
+from reconcile.filter.fit import Fitter
+from reconcile.filter.kalman import Values
+from reconcile.filter.point import Point
+from reconcile.judging.answer import Answer, standard_errors
+from reconcile.recordings.data import Block, Parts, Run, Signal
+from reconcile.search.core import Core
+from reconcile.search.sets import effects, weighed
+from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
+from reconcile.tolerances import EVIDENT, HALVED, LOST, MOVED, WRONG
+from specs.errors import InputError
+
+STEPS = 15  # of a fit: one that is right gets there soon
+Ratios = dict[str, float]  # by channel what its values are multiplied by
+
+
+def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
+    """What to ask before effects are looked for; "" unless a turned channel, or another unit, leaves little.
+
+    `names`: the map, {their column: ours}.
+    """
+    errs, least, found = ahead(core, core.base), np.inf, None
+    for ratios in _turned(core) if errs > WRONG else ():
+        tried = _fitted(core, ratios, core.fresh, ())
+        if tried is not None and tried[1].total < core.base.total and tried[0] < min(least, EVIDENT * errs):
+            least, found = tried[0], ratios
+    if found is not None and not _silent(core, least, core.fresh, ()):
+        return _sentence(core, found, errs, least, names or {})
+    for ratios in _rescaled(core) if errs > WRONG else ():
+        error = _refitted(core, ratios)
+        if error < EVIDENT * errs:
+            return _sentence(core, ratios, errs, error, names or {})
+    return ""
+
+
+def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
+    """What to ask before the answer is believed; "" where the model errs little or nothing explains more.
+
+    A rival has at least one effect less than the answer.  It must be likelier, err less ahead, and err less
+    than half of what the model errs as the channels are.
+    """
+    core, errs = answer.core, ahead(answer.core, answer.base)
+    if errs < WRONG:
+        return ""
+    least, most = min(ahead(core, answer.point), HALVED * errs), answer.beam.evidence(answer.judged.answer)
+    found = None
+    for ratios, present in _rivals(answer, errs):
+        start = core.fresh | effects(answer.point.values, present)
+        tried = _fitted(core, ratios, start, present)
+        if tried is None:
+            continue
+        error, likely = tried[0], weighed(tried[1].evidence, present)
+        if error < least and likely > most and not _silent(core, error, start, present):
+            found, least, most = ratios, error, likely
+    return _sentence(core, found, errs, least, names or {}) if found else ""
+
+
+def turned_parameters(answer: Answer) -> str:
+    """A sentence on base parameters that come out with the other sign than in model.py; "" without."""
+    errors, point = standard_errors(answer.point), answer.point
+    found = [
+        f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}"
+        for v in answer.core.model.parameters
+        if v.name in errors
+        and v.start * point.values[v.name] < 0.0
+        and abs(point.values[v.name]) > errors[v.name]
+        and abs(point.values[v.name] - v.start) > MOVED * errors[v.name]
+    ]
+    return f"{', '.join(found)}: is the sign of a channel turned?" if found else ""
+
+
+def bounded_parameters(answer: Answer) -> str:
+    """A sentence on fitted base parameters that lie at limits of model.py; "" without.
+
+    Zero is left out: friction or a load may well be nothing.
+    """
+    point = answer.point
+    fitted = {f.name for f in point.free}
+    found = [
+        f"{v.name} lies at its limit, {limit:g}"
+        for v in answer.core.model.parameters
+        for limit in (v.min, v.max)
+        if v.name in fitted and limit and np.isclose(point.values[v.name], limit, rtol=1e-3)
+    ]
+    return f"{', '.join(found)} (in model.py): a wider one may explain more." if found else ""
+
+
+def _turned(core: Core) -> list[Ratios]:
+    """Every input turned round, and every axis with all that is its rate."""
+    groups = [[n] for n in _inputs(core)] + turns(core.model, core.outputs)
+    return [dict.fromkeys(group, -1.0) for group in groups]
+
+
+def _rescaled(core: Core) -> list[Ratios]:
+    """Every position or speed of an axis in another unit, where no recorded rate of it says which it is."""
+    units = {v.name: v.unit for v in core.model.outputs}
+    moving = {n for a in core.folder.ports.axes for n in (a.position, a.velocity)}
+    shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
+    alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
+    return [{n: ratio} for n in alone if n in shown for ratio in other_units(units[n])]
+
+
+def _inputs(core: Core) -> list[str]:
+    return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
+
+
+def _rivals(answer: Answer, errs: float) -> Iterator[tuple[Ratios, tuple[Attached, ...]]]:
+    """Turned channels, beside all but one of the answer's effects or none; then inputs in other units.
+
+    `errs`: error ahead of the model as the channels are.
+    """
+    less = [tuple(x for x in answer.present if x != a) for a in answer.present]
+    yield from ((ratios, own) for ratios in _turned(answer.core) for own in dict.fromkeys([(), *less]))
+    if errs > LOST:
+        yield from (({n: r}, ()) for n in _inputs(answer.core) for r in known_ratios() if r != -1.0)
+
+
+def _fitted(
+    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...]
+) -> tuple[float, Point] | None:
+    """Error ahead and fit of the model with some effects, where channels are multiplied."""
+    other = copy(core)
+    other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
+    other.kalman = core.kalman.over(other.records)
+    other.fitter = Fitter(other.kalman, core.scored["fit"])
+    free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
+    point = other.fitter.fit_staged(start, present, free, STEPS, own=True, every=2)
+    return None if point is None else (ahead(other, point), point)
+
+
+def _refitted(core: Core, ratios: Ratios) -> float:
+    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied."""
+    runs = {id(r): _multiplied(r, ratios) for r in core.runs}
+    moved = lambda blocks: tuple(Block(runs[id(b.run)], b.start_s, b.end_s) for b in blocks)  # noqa: E731
+    parts = Parts(moved(core.parts.fit), moved(core.parts.confirm), moved(core.parts.holdout))
+    try:
+        other = Core(core.folder, parts, (), core.share)
+    except InputError:  # the model runs away
+        return float("inf")
+    return ahead(other, other.base)
+
+
+def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
+    """Whether the model errs nearly as little as `error` without any input: none tells its sign or unit then.
+
+    A dead zone that takes nearly all of a command leaves a gain at its bound, and turned round it does least.
+    """
+    inputs = dict.fromkeys(_inputs(core), 0.0)
+    tried = _fitted(core, inputs, start, present) if inputs else None
+    return tried is not None and error > HALVED * tried[0]
+
+
+def _multiplied(run: Run, ratios: Ratios) -> Run:
+    def of(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+        return {n: replace(s, values=ratios.get(n, 1.0) * s.values) for n, s in signals.items()}
+
+    return replace(run, inputs=of(run.inputs), outputs=of(run.outputs))
+
+
+def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mapping[str, str]) -> str:
+    theirs = {bare(ours): column for column, ours in names.items()}
+    stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in ratios)
+    both = " and ".join(theirs.get(n, n) for n in ratios)
+    ratio = next(iter(ratios.values()))
+    lines = "; ".join(turned_line(n, names) for n in ratios)
+    gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
+    if ratio != -1.0:
+        what = known_ratios()[ratio]
+        return (
+            f"column {both}: {ratio:.4g} times as large, {gains}: {what}; state its unit in [names] of "
+            f"--map, as in {stated}, or correct model.py"
+        )
+    direction = "" if set(ratios) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
+    return (
+        f"column {both}: with the sign turned, {gains}; write {lines} in [names] of --map, or turn the sign "
+        f"of what depends on it{direction}"
+    )

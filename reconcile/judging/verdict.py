@@ -1,0 +1,107 @@
+"""What an answer amounts to: named, ambiguous, agrees, reestimated, too little excitation or unexplained."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from reconcile import words
+from reconcile.equations.model import Attached
+from reconcile.errors.ahead import ahead, squares
+from reconcile.filter.kalman import NOISE
+from reconcile.filter.point import Point
+from reconcile.judging.answer import Answer, standard_errors
+from reconcile.search.core import Core
+from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
+
+OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict in the contract's word, one sentence, and whether something unexplained is left."""
+
+    name: str
+    sentence: str
+    residual: str
+
+
+def moved_parameters(core: Core, point: Point) -> dict[str, dict[str, Any]]:
+    """Base parameters that the fit moved by more than their errors and by more than 1 %."""
+    errors, found = standard_errors(point), {}
+    for v in core.model.parameters:
+        if v.name not in errors:
+            continue
+        new, se = point.values[v.name], errors[v.name]
+        if abs(new - v.start) > MOVED * se and abs(new - v.start) > 0.01 * max(abs(v.start), 1e-12):
+            interval = [new - 1.96 * se, new + 1.96 * se]
+            found[v.name] = {"old": v.start, "new": new, "unit": v.unit, "ci95": interval}
+    return found
+
+
+def still(core: Core) -> list[str]:
+    """Outputs that do not move, and inputs that do not."""
+    found = []
+    for name in core.outputs:
+        values = [b.run.outputs[name].values for b in core.parts.fit]
+        if max(float(np.std(v)) for v in values) < SEEN * core.floors[name].level:
+            found.append(f"output {name} moves by less than {SEEN:g} times its noise")
+    for name in core.folder.ports.controls:
+        values = [b.run.inputs[name].values for b in core.parts.fit if name in b.run.inputs]
+        if values and max(float(np.ptp(v)) for v in values) == 0.0:
+            found.append(f"input {name} is constant")
+    return found
+
+
+def beyond_noise(core: Core, point: Point) -> float:
+    """Error ahead in levels of the outputs' noise.
+
+    What a fit takes for noise beyond the sensors' own level, as samples in a row show it, is error.
+    """
+    own = [min(point.values[NOISE + n], core.floors[n].level) / core.spread[n] for n in core.outputs]
+    return float(np.sqrt(max(squares(core, point)[0] / np.mean(np.square(own)) - 1.0, 0.0)))
+
+
+def judge(answer: Answer) -> Verdict:
+    """The verdict on an answer."""
+    core, point = answer.core, answer.point
+    beyond = beyond_noise(core, point)
+    left = "unexplained" if beyond > AT_FLOOR else "at_floor"
+    names = words.together(_pairs(answer.present))
+    if answer.present and answer.alternatives:
+        sets = (answer.present, *answer.alternatives)
+        return Verdict("ambiguous", words.either(map(_pairs, sets)), left)
+    if answer.present:
+        rest = "" if left == "at_floor" else "; something unexplained remains"
+        return Verdict("named", f"The model lacks {names}{rest}.", left)
+    if missing := still(core):
+        return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
+    if left == "unexplained":
+        return Verdict("unexplained", _unexplained(answer), left)
+    known = core.known()
+    if known and not any(k < KNOWN for k in known.values()):
+        text = f"Too little excitation: nothing tells {', '.join(known)}."
+        return Verdict("insufficient_excitation", text, left)
+    if moved := moved_parameters(core, point):
+        return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
+    within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"
+    return Verdict("agrees", f"Model and recordings agree within {within}.", left)
+
+
+def _unexplained(answer: Answer) -> str:
+    """What is left, and the kind that it most likely is."""
+    errs = words.percent(ahead(answer.core, answer.point))
+    text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
+    kinds = answer.judged.kinds
+    sure = next((k for k, p in kinds.items() if p >= SURE), None)
+    sizes = answer.core.disturbances(answer.point.values)
+    worst = max(sizes, key=lambda p: sizes[p])
+    where = f"; what is missing acts at '{worst}', with {words.percent(sizes[worst])} of the forces there"
+    kind = f"; its kind is sure: {sure}" if sure else ""
+    return f"{text}{where}{kind}."
+
+
+def _pairs(present: Iterable[Attached]) -> list[tuple[str, str]]:
+    """Effects as (name, port)."""
+    return [(a.effect.name, a.port) for a in present]

@@ -1,0 +1,1 @@
+"""Recordings as runs, dealt into parts; what is wrong with them."""

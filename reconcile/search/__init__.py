@@ -1,0 +1,1 @@
+"""Which effects the recordings ask for: screened, fitted in sets, searched."""

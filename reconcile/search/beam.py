@@ -1,0 +1,152 @@
+"""Which effects the recordings ask for: a small beam over sets."""
+
+from collections.abc import Callable, Sequence
+
+from reconcile.equations.model import Attached
+from reconcile.filter.point import Point
+from reconcile.search.core import Core
+from reconcile.search.screen import Screen
+from reconcile.search.sets import BEHIND, FRESH, LONG, Key, Sets, effects
+from reconcile.search.swaps import Swaps
+from reconcile.tolerances import KEPT, SINGLES, WORTH
+
+Report = Callable[..., None]
+FAR = 0.5  # of the evidence that the best set gains: what gains less is not built on
+SETTLED = 3  # best sets that are fitted to the end
+ABSORBED = 0.25  # of the forces at a place: a disturbance that large may have taken over from the model
+
+
+class Beam(Sets):
+    """One search over sets of effects; `points` are the fitted ones."""
+
+    def __init__(self, core: Core, report: Report = lambda *_: None):
+        super().__init__(core)
+        self.report = report
+        self.swaps = Swaps(self)
+
+    def run(self) -> list[Key]:
+        """Search and settle: fitted sets, most evidence first."""
+        self.search()
+        return self.settle()
+
+    def search(self, known: Sequence[Point] = ()) -> None:
+        """Fit sets that may be the best one; `known`: those of a search with another noise, tried as well."""
+        for point in known:
+            own = effects(point.values, point.present)
+            self.fit(frozenset(point.present), point.present, [point.values], fresh=own)
+        self._grow([frozenset()], 0)
+        self.report("best sets again")
+        self._refresh()
+        self._mend()
+        if self._absorbed(self.ranked()[0]):
+            self.report("sets of 1, with a quiet disturbance")
+            self._grow(self._quietly(), 1)
+            self._mend()
+
+    def foremost(self) -> list[Point]:
+        """The best sets of effects, for a search with another noise."""
+        ranked = [k for k in self.ranked() if k]
+        return [
+            self.points[k] for k in ranked[:FRESH] if self.evidence(k) > self.evidence(ranked[0]) - BEHIND
+        ]
+
+    def _grow(self, kept: list[Key], first: int) -> None:
+        """Add one effect to each of the best sets, level by level, as long as it is worth it."""
+        for level, (width, keep) in enumerate(zip(SINGLES[first:], KEPT[first:], strict=True), first + 1):
+            found: set[Key] = set()
+            best = self.evidence(self.ranked()[0])
+            for at, key in enumerate(kept):
+                self.report(f"sets of {level}", at, len(kept))
+                for scored in self.scores(key)[:width]:
+                    if scored.gain < WORTH:
+                        break
+                    grown = self.attempt(key, scored)
+                    found |= {grown} if grown is not None else set()
+            kept = sorted(found, key=lambda k: -self.evidence(k))[:keep]
+            nothing = self.evidence(frozenset())
+            kept = [k for k in kept if self.evidence(k) - nothing >= FAR * (self.evidence(kept[0]) - nothing)]
+            if not kept or self.evidence(kept[0]) < best + WORTH:
+                break
+
+    def _mend(self) -> None:
+        """Neighbours of the best set, and of the one that is better."""
+        for _ in range(2):
+            self.report("neighbours")
+            if not self._neighbours(self.ranked()[0]):
+                break
+
+    def _absorbed(self, key: Key) -> bool:
+        """Whether the disturbance of a set is so large that it may do the work of the model."""
+        return max(self.core.disturbances(self.points[key].values).values(), default=0.0) > ABSORBED
+
+    def _quietly(self) -> list[Key]:
+        """Sets of one effect, asked and fitted from the model with a disturbance that takes nothing over.
+
+        Beside a large one an input's gain may be fitted to nothing, and then no effect on it is seen.
+        """
+        core, before = self.core, self.evidence(self.ranked()[0])
+        plain, found = core.slow, []
+        if plain is None:
+            return []
+        scores = Screen(core, plain, self.shapes).all(core.candidates, {})
+        for scored in scores[: 2 * SINGLES[0]]:  # far from the fit a score says less
+            key, own = frozenset({scored.attached}), scored.own
+            if scored.gain >= WORTH:
+                self.fit(key, (scored.attached,), [plain.values | scored.values], fresh=own)
+                found += [key] if key in self.points and self.evidence(key) > before else []
+        return sorted(found, key=lambda k: -self.evidence(k))[: KEPT[0]]
+
+    def _refresh(self) -> None:
+        """Fit the best sets again from the model as it came."""
+        for key in self.ranked()[:FRESH]:
+            if len(key) > 1:
+                point = self.points[key]
+                self.fit(key, point.present, [], fresh=effects(point.values, point.present))
+
+    def settle(self) -> list[Key]:
+        """Fit the best sets to the end: one that has not settled looks worse."""
+        self.report("settling")
+        done: set[Key] = set()
+        while todo := [k for k in self._foremost() if k not in done]:
+            key = todo[0]
+            done.add(key)
+            point = self.points[key]
+            self.fit(key, point.present, [point.values], LONG, near=point)
+            if key == self.ranked()[0]:
+                for a in key:  # an effect that is not there looks needed while the rest has not settled
+                    self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
+        return self.ranked()
+
+    def _foremost(self) -> list[Key]:
+        """The best sets, and the best one with one effect less, or a limit, kin or twin in its place."""
+        ranked = self.ranked()
+        simpler = [ranked[0] - {a} for a in ranked[0]]
+        known = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points]
+        simpler += [twin for k in known for a in k if self._earns(k, a) for twin in self.swaps.twins(k, a)]
+        simpler += [k for a in ranked[0] if (k := self.swaps.simpler(ranked[0], a)) is not None]
+        simpler += [k for a in ranked[0] for k in self.swaps.kin(ranked[0], a)]
+        least = self.evidence(ranked[0]) - BEHIND
+        near = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points and self.evidence(k) > least]
+        return list(dict.fromkeys(near))
+
+    def _earns(self, key: Key, a: Attached) -> bool:
+        """Whether a set is likelier with an effect than without it."""
+        less = key - {a}
+        return less not in self.points or self.evidence(key) > self.evidence(less)
+
+    def _neighbours(self, key: Key) -> bool:
+        """Sets with one effect less, or with another one in its place; whether one is better."""
+        before = self.evidence(key)
+        for a in key:
+            less = key - {a}
+            present = tuple(x for x in self.points[key].present if x != a)
+            # from where it is in the larger set too: what has not settled makes others look needed
+            self.refit(key, present, less not in self.points)
+            if less not in self.points:
+                continue
+            for scored in self.scores(less)[: SINGLES[1]]:
+                if scored.gain >= WORTH:
+                    self.attempt(less, scored)
+            for scored in self.swaps.alike(less, a)[: SINGLES[2]]:
+                self.attempt(less, scored)
+        return self.evidence(self.ranked()[0]) > before + 0.1

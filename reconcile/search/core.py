@@ -1,0 +1,363 @@
+"""The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fmus.definition import Model
+from reconcile.catalogue import ALL, Effect, Scales
+from reconcile.equations import sites
+from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
+from reconcile.equations.reach import Reach
+from reconcile.filter.fit import Fitter
+from reconcile.filter.kalman import NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.point import Free, Point
+from reconcile.filter.record import Record, records
+from reconcile.recordings.data import Parts, Run, still
+from reconcile.recordings.noise import high_pass_level, quantum
+from reconcile.search.free import FreeParameters
+from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
+from specs.errors import InputError
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Noise level of an output and where it is from."""
+
+    level: float
+    source: str
+
+
+STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
+STEPPED_NATS = 5.0  # the same of all nats: an effect that stands for errors of the steps would gain as much
+MOST_SUBSTEPS = 32  # of a step
+BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
+QUIET = 0.2  # of the noise of the motion, from which fits begin as well
+
+
+class Core:
+    """A folder against its recordings."""
+
+    def __init__(
+        self, folder: Folder, parts: Parts, catalogue: Sequence[Effect] = ALL, floor: float = OUTPUT_FLOOR
+    ):
+        self.share = floor  # of an output's spread: its least noise
+        self.folder, self.model, self.parts = folder, folder.model, parts
+        blocks = {"fit": parts.fit, "confirm": parts.confirm, "holdout": parts.holdout}
+        runs = unique([b.run for own in blocks.values() for b in own])
+        recorded = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
+        self.still = still(runs, [n for n in folder.ports.outputs if n in recorded])
+        recorded -= self.still
+        units = {v.name: v.unit for v in self.model.outputs}
+        recorded -= {n for n in units if n in recorded and units[n] in ("", "1") and _switches(runs, n)}
+        self.outputs = [n for n in folder.ports.outputs if n in recorded]
+        if not self.outputs:
+            raise InputError(f"the recordings hold no output of {self.model.name} that varies")
+        constant = still(runs, [v.name for v in self.model.inputs])
+        self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
+        self.records = records(runs, blocks, MOST_SAMPLES)
+        self.runs = runs
+        self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)
+        self.scored = {
+            w: [getattr(r, w) & (np.arange(len(r.time)) >= self._begun(r)) for r in self.records]
+            for w in blocks
+        }
+        self.fitter = Fitter(self.kalman, self.scored["fit"])
+        self.period = self.fitter.period
+        self.spread = {
+            n: float(np.std(np.concatenate([r.outputs[n].values for r in runs]))) or 1.0 for n in self.outputs
+        }
+        self.kalman.scale = self._state_scale()
+        self.scales: dict[str, Scales] = {}
+        self.slow: Point | None = None  # the base model with little noise, as slow motion has it
+        self.values = self._first_values()
+        noise = {n: v for n, v in self.values.items() if n.startswith(NOISES)}
+        self.little = noise | {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
+        self._choose_substeps()
+        self.settle()
+
+    def _begun(self, record: Record) -> int:
+        """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
+        return len(self.model.states) + min(BEGUN, int(BEGUN_SHARE * len(record.time)))
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Which outputs an effect can move."""
+        return Reach(self.folder, self.outputs)
+
+    # ---------------------------------------------------------------- sizes
+
+    def _memory_s(self, name: str) -> float:
+        """Time (s) over which an output forgets half of where it was."""
+        found = []
+        for r in self.runs:
+            s = r.outputs[name]
+            v = s.values - np.mean(s.values)
+            if len(v) > 8 and np.any(v):
+                f = np.fft.rfft(v, 2 * len(v))
+                c = np.fft.irfft(np.abs(f) ** 2)[: len(v)]
+                below = np.flatnonzero(c < 0.5 * c[0])
+                found.append(float(s.period_s * (below[0] if len(below) else len(v))))
+        return float(np.median(found)) if found else 1.0
+
+    def _state_scale(self) -> np.ndarray:
+        """Sizes of states: of outputs that show them, of their rates by the time in which these forget."""
+        model, scale = self.model, np.array([v.nominal or 0.0 for v in self.model.states])
+        shown = {i: n for i, n, _ in self.kalman.shown}
+        for i, n in shown.items():
+            scale[i] = max(self.spread[n], 1e-12)
+        self.memory_s = min(self._memory_s(n) for n in self.outputs)
+        for axis in self.folder.ports.axes:
+            v = model.index("states", axis.velocity)
+            q = model.index("states", axis.position) if axis.position else None
+            if v not in shown and q in shown:
+                scale[v] = scale[q] / self._memory_s(shown[q])
+            elif q is not None and q not in shown and v in shown:
+                scale[q] = scale[v] * self._memory_s(shown[v])
+        start = np.abs(np.asarray(model.x0(np.array([p.start for p in model.parameters]))).ravel())
+        return np.where(scale > 0.0, scale, np.maximum(start, 1.0))
+
+    def _first_values(self) -> Values:
+        """All effects absent, noise by what the recordings show, disturbances of a tenth of the motion."""
+        kalman = self.kalman
+        values = kalman.whole.base_start() | self._absent()
+        for k, place in enumerate(kalman.places):
+            size, tau = self._force(k)
+            values |= {
+                SIGMA + place: 0.1 * size,
+                TAU + place: tau,
+                WHITE + place: 1e-3 * size * np.sqrt(self.period),
+            }
+        self.floor = {n: self.share * self.spread[n] for n in self.outputs}
+        for n in self.outputs:
+            seen = float(np.sqrt(np.mean([high_pass_level(r.outputs[n].values) ** 2 for r in self.runs])))
+            step = max(quantum(r.outputs[n].values) for r in self.runs)
+            self.floor[n] = max(self.floor[n], step / np.sqrt(12.0))
+            values[NOISE + n] = max(seen, self.floor[n])
+        return values
+
+    def _force(self, k: int) -> tuple[float, float]:
+        """Size of a force at a place, and the time over which the motion there forgets."""
+        axes = self.folder.ports.axes
+        if k < len(axes):
+            v = self.kalman.scale[self.model.index("states", axes[k].velocity)]
+            return float(self.kalman.whole.inertia(axes[k]) * v / self.memory_s), self.memory_s
+        state = self.model.index("states", self.kalman.pushed_states[k - len(axes)])
+        return float(self.kalman.scale[state] / self.memory_s), self.memory_s
+
+    def _choose_substeps(self) -> None:
+        """Fewest substeps of which twice as many change the innovations by little of their deviation."""
+        if self.model.kind == "discrete":
+            self.kalman.substeps = max(1, round(self.period / self.model.step))
+            return
+        before = None
+        for n in (2**k for k in range(MOST_SUBSTEPS.bit_length())):
+            self.kalman.substeps = n
+            found = self.fitter.innovations(self.values, ())
+            if found and before:
+                moved = np.nanmedian(np.abs(found[0] - before[0]) / np.sqrt(found[1]))
+                nats = np.sum(self.fitter.loss(*found)) - np.sum(self.fitter.loss(*before))
+                if moved < STEPPED and abs(nats) < STEPPED_NATS:
+                    self.kalman.substeps = n // 2
+                    return
+            before = found
+
+    @cached_property
+    def floors(self) -> dict[str, Floor]:
+        """Noise of every output: the sensor's specification, unless the recording is noisier than that."""
+        return {n: _floor(self.model, n, self.runs) for n in self.outputs}
+
+    def force_size(self, place: str) -> float:
+        """Size of what moves a place, in the unit of its disturbance."""
+        if place in self.scales:
+            return self.scales[place].f
+        return self._force(self.kalman.places.index(place))[0]
+
+    def disturbances(self, values: Values) -> dict[str, float]:
+        """By place the size of the disturbance, as a share of the forces there."""
+        return {p: values[SIGMA + p] / self.force_size(p) for p in self.kalman.places}
+
+    @property
+    def fresh(self) -> Values:
+        """The model as it came, without effects and with little noise."""
+        return self.values | self.little | {v.name: v.start for v in self.model.parameters}
+
+    @property
+    def slowly(self) -> Values:
+        """The same where slow motion was fitted: before a disturbance takes up what effects do."""
+        moved = {f.name: self.slow.values[f.name] for f in self.slow.free} if self.slow else {}
+        return self.fresh | moved
+
+    def nominal(self) -> Point | None:
+        """The model as it came, with the noise that was found."""
+        values = self.base.values | {v.name: v.start for v in self.model.parameters}
+        return replace(self.base, values=values, present=())
+
+    def known(self) -> dict[str, float]:
+        """By base parameter the deviation that the recordings leave it, as a share of its prior's."""
+        size = np.sqrt(np.maximum(np.diag(self.base.covariance()), 0.0))
+        found = {f.name: float(s) for f, s in zip(self.base.free, size, strict=True)}
+        stated = {v.name for v in self.model.parameters if v.tolerance}  # known well enough without
+        return {f.name: found[f.name] for f in self.base_free if f.name not in stated}
+
+    def settle(self) -> None:
+        """Scales, and the fit of the base model with its noise, one after the other, twice."""
+        for first in (True, False):
+            self._measure()
+            self.noise_free = self._noise_free()
+            self.base_free = self._free.of_base()
+            self.base = self._base_fit(first)
+            self.values = self.base.values
+            if first:  # with the noise that was found, smaller errors of a step show
+                self._choose_substeps()
+
+    def _base_fit(self, first: bool) -> Point:
+        """The model without effects: from where it is, and at `first` from slow motion too."""
+        free = [*self.base_free, *self.noise_free]
+        points = [self.fitter.fit(self.values, (), free, 25, own=True, every=2)]
+        self.slow = self.fitter.fit(self.slowly, (), self.base_free, 25, own=True)
+        if first:
+            points.append(self.fitter.fit(self.slowly, (), free, 25, own=True, every=2))
+        found = [p for p in points if p is not None]
+        if not found and self.model.kind == "continuous" and self.kalman.substeps < MOST_SUBSTEPS:
+            self.kalman.substeps *= 2
+            return self._base_fit(first)
+        if not found:
+            raise InputError(self._runs_away())
+        return min(found, key=lambda p: p.total)
+
+    def _runs_away(self) -> str:
+        return (
+            f"model {self.model.name} runs away on the recordings from its start parameters: is it stable, "
+            "and are the recordings in its units?"
+        )
+
+    def _measure(self) -> None:
+        """Scales at all ports from the filtered states; widths of kinks and shapes of effects follow."""
+        run = self.kalman.run(self.values, (), states=True)
+        if run is None:
+            raise InputError(self._runs_away())
+        n = len(self.model.states)
+        z = np.vstack([f.z[:, :n] for f in run])
+        fast = [
+            np.diff(f.z[:, :n], axis=0) / np.diff(r.time)[:, None]
+            for f, r in zip(run, self.records, strict=True)
+        ]
+        period, memory, ports = self.period, self.memory_s, self.folder.ports
+        found = {ALL_OUTPUTS: Scales(period_s=period, memory_s=memory)}
+        for name in [v.name for v in self.model.inputs]:
+            values = np.concatenate(
+                [r.inputs[name].values for r in self.runs if name in r.inputs] or [np.ones(1)]
+            )
+            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
+        for name in self.outputs:
+            values = np.concatenate([r.outputs[name].values for r in self.runs])
+            found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
+        found |= {
+            n: replace(x, memory_s=memory)
+            for n, x in sites.scales(self.model, ports, z, self.runs, period).items()
+        }
+        units = {v.name: v.unit for v in self.model.states}
+        for axis in ports.axes:
+            i = self.model.index("states", axis.velocity)
+            v, a = z[:, i], np.vstack(fast)[:, i]
+            q = z[:, self.model.index("states", axis.position)] if axis.position else np.array([-1.0, 1.0])
+            inertia = self.kalman.whole.inertia(axis)
+            size = float(np.sqrt(np.mean(np.clip(a, *np.quantile(a, [0.02, 0.98])) ** 2)))
+            found[axis.name] = Scales(
+                v=float(np.quantile(np.abs(v), 0.98)) or 1.0,
+                q=float(np.max(np.abs(q))) or 1.0,
+                q_low=float(np.min(q)),
+                q_high=float(np.max(q)) if np.ptp(q) > 0 else float(np.min(q)) + 1.0,
+                angular=units.get(axis.position or "") == "rad",
+                inertia=inertia,
+                f=inertia * size or 1.0,
+                period_s=period,
+                memory_s=memory,
+            )
+        self.scales = found
+        self.kalman.sizes = {
+            n: (s.u, s.y) if n in self.outputs or n in [v.name for v in self.model.inputs] else (s.q, s.v)
+            for n, s in found.items()
+        }
+        self.values |= self._absent()
+
+    def _absent(self) -> Values:
+        """All effects absent: amplitudes and gates at nothing, shapes at their first start."""
+        values: Values = {}
+        for a in self.candidates:
+            s = self.scales.get(a.port, Scales(period_s=self.period, memory_s=self.memory_s))
+            values |= {a.name(n): v for n, v in a.effect.start(s, 0).items()}
+            values |= {a.name(q.name): 0.0 for q in a.effect.amplitudes}
+            if a.effect.gated:
+                values[a.name("gate")] = 0.0
+            if a.effect.width:
+                values[a.name("width")] = _width(a, s)
+        return values
+
+    # ---------------------------------------------------------------- what is fitted
+
+    def _noise_free(self) -> list[Free]:
+        found = []
+        for k, place in enumerate(self.kalman.places):
+            size, tau = self._force(k)
+            if place in self.scales:
+                size = self.scales[place].f
+            found += [
+                Free(SIGMA + place, 0.1 * size, 1.5, True, 1e-4 * size, 30.0 * size),
+                Free(TAU + place, tau, 1.0, True, 2.0 * self.period, 30.0 * max(tau, self.period)),
+                Free(
+                    WHITE + place,
+                    0.02 * size * np.sqrt(self.period),
+                    2.0,
+                    True,
+                    1e-5 * size * np.sqrt(self.period),
+                    size * np.sqrt(self.period),
+                ),
+            ]
+        for n in self.outputs:
+            start = max(self.values[NOISE + n], self.floor[n])
+            found.append(Free(NOISE + n, start, 1.0, True, self.floor[n], self.spread[n]))
+        return found
+
+    def free_of(self, a: Attached) -> list[Free]:
+        """An effect's parameters as they are fitted."""
+        return self._free.of_effect(a, self.scales)
+
+    @cached_property
+    def _free(self) -> FreeParameters:
+        duration = max(r.end_s - r.start_s for r in self.runs)
+        return FreeParameters(self.folder, duration, self.memory_s)
+
+
+def unique(runs: Sequence[Run]) -> list[Run]:
+    """Each run once, in order."""
+    return list({id(r): r for r in runs}.values())
+
+
+def _switches(runs: Sequence[Run], name: str) -> bool:
+    return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
+
+
+def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:
+    values = [r.outputs[name].values for r in runs if name in r.outputs]
+    seen = float(np.sqrt(np.mean([high_pass_level(v) ** 2 for v in values])))
+    step = max(quantum(v) for v in values)
+    seen = max(seen, step / np.sqrt(12.0), 1e-7 * max(float(np.max(np.abs(v))) for v in values))
+    sensor = model.sensors.get(name)
+    if sensor and sensor.noise:
+        start = next(p.start for p in model.parameters if p.name == sensor.noise)
+        if start > 0 and seen < 1.5 * start:
+            return Floor(float(np.hypot(start, step / np.sqrt(12.0))), "sensor specification")
+    return Floor(seen, "high-pass estimate")
+
+
+def _width(a: Attached, s: Scales) -> float:
+    sizes = {"u": s.u, "v": s.v, "q": s.q, "y": s.y}
+    if a.effect.width == "time":
+        return 0.01 * s.period_s
+    if a.effect.width == "gap":
+        return 0.01
+    return 3e-3 * sizes[a.effect.width or "u"]

@@ -1,0 +1,101 @@
+"""Sets with another effect in an effect's place: kin, twins, what an effect becomes in a limit."""
+
+from reconcile.catalogue.kinds import kind
+from reconcile.equations.model import Attached
+from reconcile.filter.kalman import Values
+from reconcile.search.screen import Scored
+from reconcile.search.sets import BEHIND, Key, Sets
+
+KIN = 4  # effects of the same kind that take an effect's place
+
+
+class Swaps:
+    """Fits sets with one effect in another one's place, each pair once."""
+
+    def __init__(self, sets: Sets):
+        self.sets = sets
+        self._tried: set[tuple[Key, Key]] = set()
+
+    def kin(self, key: Key, a: Attached) -> list[Key]:
+        """Sets with another effect of the same kind in an effect's place, from the same values.
+
+        A score from the model without either is blind to that where the effect is large.
+        """
+        less = key - {a}
+        if less not in self.sets.points:
+            return []
+        forms: dict[tuple[str, str], list[Scored]] = {}
+        for s in self.alike(less, a):
+            forms.setdefault((s.attached.effect.name, s.attached.port), []).append(s)
+        # of every effect its best form and its simplest one: a form with more to fit may score more, and fail
+        simplest = [min(own, key=lambda s: len(s.attached.effect.parameters)) for own in forms.values()]
+        tried = [s for own, plain in zip(forms.values(), simplest, strict=True) for s in (own[0], plain)]
+        return [
+            self._in_place(key, a, scored) for scored in {s.attached: s for s in tried[: 2 * KIN]}.values()
+        ]
+
+    def twins(self, key: Key, a: Attached) -> list[Key]:
+        """Sets with an effect of the same kind and units in an effect's place, whatever its score.
+
+        A delay of the only input is one of all outputs, and its own score may see a local optimum.
+        """
+        units = [q.unit for q in a.effect.parameters]
+        return [
+            self._in_place(key, a, Scored(b, 0.0, {b.name("gate"): 1.0} if b.effect.gated else {}))
+            for b in self.sets.beside(key)
+            if kind(b.effect.name) == kind(a.effect.name)
+            and b.effect.name != a.effect.name
+            and [q.unit for q in b.effect.parameters] == units
+            and self.sets.core.reach.common(a, b)
+        ]
+
+    def alike(self, key: Key, a: Attached) -> list[Scored]:
+        """Scores beside a set of effects of an effect's kind that move an output which it moves."""
+        return [
+            s
+            for s in self.sets.scores(key)
+            if kind(s.attached.effect.name) == kind(a.effect.name)
+            and self.sets.core.reach.common(a, s.attached)
+        ]
+
+    def _in_place(self, key: Key, a: Attached, scored: Scored) -> Key:
+        """The set with another effect in an effect's place, fitted from its values, once."""
+        other, point = scored.attached, self.sets.points[key]
+        rest = tuple(x for x in point.present if x != a)
+        grown = frozenset({*rest, other})
+        if other != a and (key, grown) not in self._tried:
+            self._tried.add((key, grown))
+            same, less = self._same(a, other, point.values), self.sets.points.get(key - {a})
+            own = scored.own | same
+            start = self.sets.core.values | self.sets.of(key, rest) | own
+            if less is not None and not same:  # what the score says holds beside what is left
+                start, point = less.values | scored.values, less
+            most = self.sets.points[key].total + BEHIND
+            self.sets.fit(grown, (*rest, other), [start], fresh=own, near=point, most=most)
+        return grown
+
+    def _same(self, a: Attached, other: Attached, values: Values) -> Values:
+        """An effect's values as another one's parameters: by name, or else by unit."""
+        own, wanted = a.effect.parameters, other.effect.parameters
+        units = {p.name: p.unit for p in own}
+        if all(units.get(q.name) == q.unit for q in wanted):
+            return {other.name(q.name): values[a.name(q.name)] for q in wanted}
+        left, found = list(own), {}
+        for q in wanted:
+            twin = next((p for p in left if p.unit == q.unit), None)
+            if twin is not None:
+                left.remove(twin)
+                found[other.name(q.name)] = values[a.name(twin.name)]
+        return found if len(found) == len(wanted) and not left else {}
+
+    def simpler(self, key: Key, a: Attached) -> Key | None:
+        """The set with what an effect becomes in a limit in its place."""
+        less = key - {a}
+        if less not in self.sets.points:
+            return None
+        limits = [
+            s
+            for s in self.sets.scores(less)
+            if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port
+        ]
+        return self._in_place(key, a, limits[0]) if limits else None
