@@ -238,7 +238,7 @@ def test_gains_for_plants_are_kept_only_where_the_machine_bears_them(
     ("words", "said"),
     [
         (("pi", "--plant", "nominal"), "--plant: the PI has a search of its own"),
-        (("pd", "--plant", "moon"), "no plant 'moon'"),
+        (("pd", "--plant", "moon"), "no plant 'moon': valid: family, "),
         (("pd", "--plant", "family", "--hours", "0.1"), "an evaluation takes 0.4, on 4 draws"),
     ],
 )

@@ -4,7 +4,7 @@ All plants but `machine` are the nominal system with another slew drive in it.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -48,17 +48,18 @@ def names() -> list[str]:
     return list(OURS)
 
 
-def find(text: str, our_inertia: bool = False) -> Plant:
+def find(text: str, our_inertia: bool = False, also: Sequence[str] = ()) -> Plant:
     """The plant of that name, or of a .npz file, FMU or folder that `slewright import slew` wrote.
 
     Where a plant does not say on which inertia number it was trained, InputError; with `our_inertia` it gets
-    the project's.
+    the project's.  `also`: words that stand for several plants, to say when there is none.
     """
     if text in OURS:
         return OURS[text]()
     path = Path(text)
     if not path.exists():
-        raise InputError(f"no plant '{text}': {nearest(text, names())}, or a .npz file, FMU or folder")
+        valid = nearest(text, [*names(), *also])
+        raise InputError(f"no plant '{text}': {valid}, or a .npz file, FMU or folder")
     if path.suffix == ".fmu":
         return _of_fmu(path, our_inertia)
     weights = path / "weights.npz" if path.is_dir() else path

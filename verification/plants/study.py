@@ -26,10 +26,10 @@ MOST = {  # that a controller may do on a plant: (limit, what it is, form)
 FLAG = "out of the trained region"
 
 
-def find_plants(texts: Sequence[str], our_inertia: bool = False) -> list[Plant]:
-    """The plants of these names or files, each once; `all` are those with a name."""
-    wanted = [name for text in texts for name in (plants.names() if text == ALL else [text])]
-    found = [plants.find(text, our_inertia) for text in dict.fromkeys(wanted)]
+def find_plants(texts: Sequence[str], our_inertia: bool = False, every: str = ALL) -> list[Plant]:
+    """The plants of these names or files, each once; `every` stands for those with a name."""
+    wanted = [name for text in texts for name in (plants.names() if text == every else [text])]
+    found = [plants.find(text, our_inertia, [every]) for text in dict.fromkeys(wanted)]
     names = [plant.name for plant in found]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two plants called '{twice[0]}'; give one file or folder another name")

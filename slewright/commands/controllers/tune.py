@@ -67,7 +67,7 @@ def tune(
 def _plants(texts: list[str], our_inertia: bool) -> list:
     from verification.plants import study
 
-    return study.find_plants([study.ALL if text == FAMILY else text for text in texts], our_inertia)
+    return study.find_plants(texts, our_inertia, FAMILY)
 
 
 def _show(figures: dict) -> None:
