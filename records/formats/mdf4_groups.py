@@ -67,13 +67,14 @@ def uncounted(path: Path, group: Any, label: str) -> list[str]:
     if head.id != b"##DG" or head.record_id_len or not size or not head.data_block_addr:
         return []  # MDF3, or records of several groups in turn
     with path.open("rb") as stream:
-        more = sum(_sizes(stream, head.data_block_addr)) // size - block.cycles_nr
+        more = sum(_sizes(stream, head.data_block_addr, set())) // size - block.cycles_nr
     return [f"{label}: {more} samples behind the {block.cycles_nr} that it states are not read"] * (more > 0)
 
 
-def _sizes(stream: BinaryIO, address: int) -> Iterator[int]:
-    """The bytes of data in each block from an address on, before they were compressed."""
-    while address:
+def _sizes(stream: BinaryIO, address: int, seen: set[int]) -> Iterator[int]:
+    """The bytes of data in each block from an address on, before they were compressed; each block once."""
+    while address and address not in seen:
+        seen.add(address)
         stream.seek(address)
         kind, length, links = HEAD.unpack(stream.read(HEAD.size))
         to = struct.unpack(f"<{links}Q", stream.read(8 * links))
@@ -84,7 +85,7 @@ def _sizes(stream: BinaryIO, address: int) -> Iterator[int]:
             yield struct.unpack("<8xQ", stream.read(16))[0]
         elif kind == b"##DL":
             for part in to[1:]:
-                yield from _sizes(stream, part)
+                yield from _sizes(stream, part, seen)
 
 
 def in_seconds(file: Any, number: int, master: int, label: str, time: np.ndarray) -> np.ndarray:
