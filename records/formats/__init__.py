@@ -55,7 +55,7 @@ FORMATS = {
 READ_ONLY = tuple(s for of in _FOUND.values() for s in of["READS"] if s not in of["WRITES"])
 WRITE_ONLY = tuple(s for of in _FOUND.values() for s in of["WRITES"] if s not in of["READS"])
 CAN_LOGS = (".blf", ".asc", ".log", ".candump", ".trc")
-MAY_HOLD_FRAMES = (".mf4",)  # of a bus, besides channels
+MAY_HOLD_FRAMES = (".mf4", ".mdf", ".dat")  # of a bus, besides channels
 DBC = ROOT / "generated" / "slewright.dbc"
 
 
@@ -98,7 +98,8 @@ def read_measurement(
         raise InputError(f"{path} is empty")
     if protocol is not None:
         if protocol not in ("j1939", "can") or "dbc" not in options:
-            raise InputError(f"--protocol {protocol}: j1939 or can, for CAN logs ({', '.join(CAN_LOGS)})")
+            logs = ", ".join((*CAN_LOGS, *(f"{s} with --dbc" for s in MAY_HOLD_FRAMES)))
+            raise InputError(f"--protocol {protocol}: j1939 or can, for CAN logs ({logs})")
         options["protocol"] = protocol
     if text is not None and text.stated:
         _for_text(path, text, options)

@@ -38,6 +38,12 @@ class Frames:
         self.sizes.append(len(data))
         self.data += data
 
+    def extend(self, times: np.ndarray, sizes: np.ndarray, data: np.ndarray) -> None:
+        """Put frames [n] behind the others: of each the first `sizes` of its bytes [n, width, uint8]."""
+        self.times.frombytes(times.astype(np.float64).tobytes())
+        self.sizes += sizes.astype(np.uint8).tobytes()
+        self.data += data[np.arange(data.shape[1]) < sizes[:, None]].tobytes()
+
     def __len__(self) -> int:
         return len(self.times)
 
@@ -165,10 +171,12 @@ def _check_protocol(
 
 
 def _uniquely_named(found: Iterable[tuple[Any, Group]]) -> list[Group]:
-    """Groups by the message's name, and the bus's number where one message came on several."""
+    """Groups by the message's name, and the bus's number or name where one message came on several."""
     found = list(found)
     names = Counter(group.name for _, group in found)
     return [
-        Group(f"{g.name}.bus{bus}" if names[g.name] > 1 else g.name, g.time, g.columns, g.row)
+        replace(g, name=f"{g.name}.{bus if isinstance(bus, str) else f'bus{bus}'}")
+        if names[g.name] > 1
+        else g
         for bus, g in found
     ]

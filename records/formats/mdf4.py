@@ -19,12 +19,22 @@ from xml.sax.saxutils import escape
 import numpy as np
 from asammdf import MDF, Signal
 
+from records.formats.dbc import Dbc
 from records.formats.exact import EXACT, ROUNDED
 from records.formats.mdf4_codes import applied, exactly, has_texts
+from records.formats.mdf4_groups import (
+    FRAME,
+    bus_event,
+    check_places,
+    check_stored,
+    clock_of,
+    in_seconds,
+    label_of,
+    uncounted,
+)
 from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import clocks
-from records.formats.units import seconds
 from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError
@@ -33,7 +43,6 @@ READS = (".mf4", ".mdf", ".dat")
 WRITES = (".mf4",)
 VERSION = "4.11"
 META = "slewright"  # property of the header's comment that holds our metadata
-TIME = 1  # MDF4's synchronisation type; MDF3 knows no other
 PART = 1 << 15  # samples given to asammdf at once
 DEFLATED = 2  # transposed, which suits floats
 INTEGERS, FLOAT_BITS = (0, 1, 2, 3), 53  # types of whole numbers; a float holds those of so many bits
@@ -46,9 +55,10 @@ def read(path: Path, names: Mapping[str, str], dbc: Path | None = None, protocol
     with path.open("rb") as file:
         unfinished = file.read(8) == UNFINISHED
     notes = ["the file was not finalised: read as far as it was written"] if unfinished else []
+    database = None if dbc is None else Dbc(dbc, protocol)
     with _silence():
         try:
-            return _read(path, unfinished, notes, dbc, protocol)
+            return _read(path, unfinished, notes, database)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         except Exception as error:  # noqa: BLE001 - a damaged file makes asammdf raise anything
@@ -76,13 +86,18 @@ def _silence() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def _read(path: Path, unfinished: bool, notes: list[str], dbc: Path | None, protocol: str | None) -> Raw:
-    # What asammdf mends of an unfinished file stays in memory; others it reads in parts.
-    with MDF(BytesIO(path.read_bytes()) if unfinished else path) as file:
-        if dbc is not None:
+def _read(path: Path, unfinished: bool, notes: list[str], database: Any) -> Raw:
+    # What asammdf mends of an unfinished file stays in memory; others it reads in parts.  Looking into frames
+    # by itself it would read beyond their records.
+    options: Any = {"process_bus_logging": False}
+    with MDF(BytesIO(path.read_bytes()) if unfinished else path, **options) as file:
+        for number, group in enumerate(file.groups):
+            check_places(group, label_of(group, number))
+            notes += [] if unfinished else uncounted(path, group, label_of(group, number))
+        if database is not None:
             from records.formats.mdf4_frames import read_frames
 
-            return read_frames(file, path, dbc, protocol, _start(file, notes), notes)
+            return read_frames(file, path, database, _start(file, notes), notes)
         groups = list(_groups(file, notes))
         return Raw(groups, _start(file, notes), _meta(file), notes)
 
@@ -90,43 +105,34 @@ def _read(path: Path, unfinished: bool, notes: list[str], dbc: Path | None, prot
 def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
     """The channel groups that hold samples over time."""
     for number, group in enumerate(file.groups):
-        # What the file calls a group, else its number
-        block = group.channel_group
-        label = str(getattr(block, "acq_name", "") or f"group{number + 1}")
-        master = file.masters_db.get(number)
+        label, master, kind = label_of(group, number), clock_of(file, number), bus_event(group)
+        if not group.channels:
+            continue  # bytes of another group's channel
         if not group.channel_group.cycles_nr:
             notes.append(f"{label}: left out, it has no samples")
-        elif master is None or getattr(group.channels[master], "sync_type", TIME) != TIME:
+        elif master is None:
             notes.append(f"{label}: left out, its samples are not over time")
         else:
-            if any(c.name == "CAN_DataFrame" for c in group.channels):
-                notes.append(f"{label}: frames of a CAN bus, read as they are; --dbc FILE decodes them")
-            yield _group(file, number, master, label, notes)
-
-
-def _check_places(group: Any, label: str) -> None:
-    """Raise ValueError where a channel is not within its record, as in a damaged file: asammdf would read
-    beyond it.
-    """
-    size = 8 * (
-        group.channel_group.samples_byte_nr + getattr(group.channel_group, "invalidation_bytes_nr", 0)
-    )
-    for channel in group.channels:
-        if hasattr(channel, "byte_offset"):
-            first = 8 * channel.byte_offset + channel.bit_offset
-        else:
-            first = channel.start_offset + 8 * channel.additional_byte_offset
-        if first + channel.bit_count > size:
-            raise ValueError(f"{channel.name} of {label} is beyond its record")
+            check_stored(file, number, label)
+            said: list[str] = []
+            made = _group(file, number, master, label, said)
+            one_by_one = not kind or bool((np.diff(made.time) > 0).all())
+            how = "read as they are" if one_by_one else "left out, as some share a time or came late"
+            if kind == FRAME:
+                notes.append(f"{label}: frames of a CAN bus, {how}; --dbc FILE decodes them")
+            elif not one_by_one:
+                notes.append(f"{label}: {kind}, {how}")
+            if one_by_one:
+                notes += said
+                yield made
 
 
 def _group(file: Any, number: int, master: int, label: str, notes: list[str]) -> Group:
-    _check_places(file.groups[number], label)
     channels = range(len(file.groups[number].channels))
     wanted = [(None, number, index) for index in channels if index != master]
     found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)
     time = found[0].timestamps if found else file.get_master(number)
-    time = _in_seconds(file, number, master, label, np.asarray(time))
+    time = in_seconds(file, number, master, label, np.asarray(time))
     columns = []
     for signal, (_, _, index) in zip(found, wanted, strict=True):
         rule = file.groups[number].channels[index].conversion
@@ -154,14 +160,6 @@ def _exact(file: Any, number: int, index: int, signal: Any, notes: list[str]) ->
     elif len(raw) and max(abs(int(raw.min())), abs(int(raw.max()))) > EXACT:
         notes.append(f"{signal.name}: {ROUNDED}")
     return signal
-
-
-def _in_seconds(file: Any, number: int, master: int, label: str, time: np.ndarray) -> np.ndarray:
-    """The group's times in s: MDF has s, but a unit that says otherwise is believed."""
-    channel = file.groups[number].channels[master]
-    unit = getattr(channel, "unit", "") or getattr(channel.conversion, "unit", "") or "s"
-    unit = unit.decode("latin-1").strip("\0 ") if isinstance(unit, bytes) else unit
-    return seconds(time, unit or "s", f"the time of {label}")
 
 
 def _with_codes(plain: Any, rule: Any, signal: Any, notes: list[str]) -> list[RawColumn]:
