@@ -41,7 +41,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
         return _sentence(core, found, errs, least, names or {})
     for ratios in _rescaled(core) if errs > WRONG else ():
         error = _refitted(core, ratios)
-        if error < EVIDENT * errs:
+        if error < min(EVIDENT * errs, WRONG):
             return _sentence(core, ratios, errs, error, names or {})
     return ""
 
@@ -105,7 +105,12 @@ def _turned(core: Core) -> list[Ratios]:
 
 
 def _rescaled(core: Core) -> list[Ratios]:
-    """Every position or speed of an axis in another unit, where no recorded rate of it says which it is."""
+    """Every position or speed of an axis in another unit, where no recorded rate of it says which it is.
+
+    And no input: its unit may be the wrong one as well.
+    """
+    if _inputs(core):
+        return []
     units = {v.name: v.unit for v in core.model.outputs}
     moving = {n for a in core.folder.ports.axes for n in (a.position, a.velocity)}
     shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
