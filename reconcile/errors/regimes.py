@@ -27,12 +27,16 @@ class Known(Protocol):
 
 @dataclass(frozen=True)
 class Regressor:
-    """A quantity: `kind` is speed, pose, acceleration, command, step, load or reading; `port` where it is."""
+    """A quantity: `kind` is speed, pose, acceleration, command, step, load or reading; `port` where it is.
+
+    `over_s`: of a step the time over which the command's change is taken.
+    """
 
     kind: str
     port: str
     label: str
     unit: str
+    over_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,14 +66,13 @@ def regressors(study: Known) -> list[Regressor]:
         rate = per + "2" if per.endswith("/s") else f"{per}/s"
         found.append(Regressor("acceleration", axis.velocity, f"d{v}/dt", rate))
     runs = [b.run for b in study.parts.fit]
+    over_s = CHANGE * min(r.period_s for r in runs)
     inputs = [n for n in (v.name for v in study.model.inputs) if all(n in r.inputs for r in runs)]
     for name in inputs:
         kind = "command" if name in study.folder.ports.controls else "load"
         found.append(Regressor(kind, name, name, units[name]))
         if kind == "command":
-            found.append(
-                Regressor("step", name, f"change of {name} in {_change_s(study):.3g} s", units[name])
-            )
+            found.append(Regressor("step", name, f"change of {name} in {over_s:.3g} s", units[name], over_s))
     seen = {r.unit for r in found}
     found += [Regressor("reading", n, n, units[n]) for n in study.floors if units[n] not in seen]
     return found
@@ -84,7 +87,7 @@ def values(study: Known, r: Regressor, window: Any, times: np.ndarray, states: n
         return np.gradient(v, times) if len(v) > 1 else np.zeros(len(v))
     signal = window.run.outputs[r.port] if r.kind == "reading" else window.run.inputs[r.port]
     now = _held(signal, times)
-    return now - _held(signal, times - _change_s(study)) if r.kind == "step" else now
+    return now - _held(signal, times - r.over_s) if r.kind == "step" else now
 
 
 def regimes(r: Regressor, x: np.ndarray) -> list[Regime]:
@@ -141,11 +144,6 @@ def _rounded(value: float) -> float:
 
 def _held(signal, times: np.ndarray) -> np.ndarray:
     return signal.values[np.clip(np.searchsorted(signal.time, times + 1e-9) - 1, 0, None)]
-
-
-def _change_s(study: Known) -> float:
-    """Time over which a command's change is looked at: it scales with the recordings."""
-    return CHANGE * min(b.run.period_s for b in study.parts.fit)
 
 
 def _units(study: Known) -> dict[str, str]:

@@ -3,7 +3,7 @@
 An effect may make up for a wrong sign, with nonsense for its size: the sign is asked first.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -149,7 +149,10 @@ def _fitted(
 def _refitted(core: Core, ratios: Ratios) -> float:
     """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied."""
     runs = {id(r): _multiplied(r, ratios) for r in core.runs}
-    moved = lambda blocks: tuple(Block(runs[id(b.run)], b.start_s, b.end_s) for b in blocks)  # noqa: E731
+
+    def moved(blocks: Sequence[Block]) -> tuple[Block, ...]:
+        return tuple(replace(b, run=runs[id(b.run)]) for b in blocks)
+
     parts = Parts(moved(core.parts.fit), moved(core.parts.confirm), moved(core.parts.holdout))
     try:
         other = Core(core.folder, parts, (), core.share)

@@ -40,7 +40,7 @@ def moved_parameters(core: Core, point: Point) -> dict[str, dict[str, Any]]:
     return found
 
 
-def still(core: Core) -> list[str]:
+def unmoved(core: Core) -> list[str]:
     """Outputs that do not move, and inputs that do not."""
     found = []
     for name in core.outputs:
@@ -75,7 +75,7 @@ def judge(answer: Answer) -> Verdict:
     if answer.present:
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return Verdict("named", f"The model lacks {names}{rest}.", left)
-    if missing := still(core):
+    if missing := unmoved(core):
         return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
     if left == "unexplained":
         return Verdict("unexplained", _unexplained(answer), left)

@@ -7,13 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-RATIOS = {
-    57.29578: "degrees against radians",
-    9.549297: "revolutions per minute against rad/s",
-    1000.0: "a factor of 1000, such as mm against m or ms against s",
-    3.6: "km/h against m/s",
-    -1.0: "the sign is turned",
-}
+TURNING = {57.29578: "degrees against radians", 9.549297: "revolutions per minute against rad/s"}
+OTHER = {1000.0: "a factor of 1000, such as mm against m or ms against s", 3.6: "km/h against m/s"}
+RATIOS = TURNING | OTHER | {-1.0: "the sign is turned"}
 CLOSE = 0.02  # of a ratio, relative
 SURE = 0.95  # correlation between changes of a position and its integrated speed
 LAGS = (1, 2, 5, 10, 20, 50)  # samples
@@ -121,7 +117,7 @@ def known_ratios() -> dict[float, str]:
 
 def other_units(unit: str) -> list[float]:
     """What a channel of a unit may have to be multiplied by, if it is in another one."""
-    usual = (57.29578, 9.549297) if unit.startswith("rad") else (1000.0, 3.6)
+    usual = TURNING if unit.startswith("rad") else OTHER
     return [r for k in usual for r in (1 / k, k)]
 
 

@@ -12,6 +12,7 @@ from reconcile.start import estimate, templates
 from reconcile.start.columns import Column, columns_of, is_of
 from reconcile.start.templates import MOVES, TURNS, Draft, Motion, Quantity
 from records.formats import read_measurement
+from records.formats.text.clock import UNTIMED
 from records.formats.units import converted
 from specs.errors import InputError
 from specs.units import known
@@ -20,7 +21,6 @@ ESTIMATED = "estimated from the recording by least squares"
 SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
 GUESS = "a guess: the recording does not tell it in this way; put in what you know"
 EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
-UNTIMED = "the time states no unit: taken as s"
 SURE = 3.0  # deviations from zero that a coefficient must have to be used
 
 

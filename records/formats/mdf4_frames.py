@@ -24,11 +24,8 @@ from records.formats.mdf4_groups import (
 from records.formats.raw import Raw
 from specs.errors import InputError
 
-NUMBER, LONG, LARGEST = (
-    0x1FFF_FFFF,
-    1 << 31,
-    0x7FF,
-)  # of an identifier: its bits, that it is long; the short ones
+NUMBER, LONG = 0x1FFF_FFFF, 1 << 31  # of an identifier: its bits, and the one that says that it is long
+LARGEST = 0x7FF  # of the short ones
 SIZES = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64])  # bytes of a frame by its DLC
 LONGEST = 64  # bytes of a frame
 INVALID = 0b11  # flags of a channel: all its samples are invalid, or a bit says which

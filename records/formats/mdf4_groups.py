@@ -46,7 +46,7 @@ def check_places(group: Any, label: str) -> None:
     read beyond it.
     """
     block = group.channel_group
-    size = block.samples_byte_nr + getattr(block, "invalidation_bytes_nr", 0)
+    size = _record_size(block)
     for channel in group.channels:
         if hasattr(channel, "byte_offset"):
             first = 8 * channel.byte_offset + channel.bit_offset
@@ -60,10 +60,15 @@ def check_places(group: Any, label: str) -> None:
             raise ValueError(f"{label} states {block.cycles_nr} samples, of which {there // size} are there")
 
 
+def _record_size(block: Any) -> int:
+    """Bytes of one sample of all channels of a group."""
+    return block.samples_byte_nr + getattr(block, "invalidation_bytes_nr", 0)
+
+
 def uncounted(path: Path, group: Any, label: str) -> list[str]:
     """What to say of samples that stand in the file behind those that it counts."""
     head, block = group.data_group, group.channel_group
-    size = block.samples_byte_nr + getattr(block, "invalidation_bytes_nr", 0)
+    size = _record_size(block)
     if head.id != b"##DG" or head.record_id_len or not size or not head.data_block_addr:
         return []  # MDF3, or records of several groups in turn
     with path.open("rb") as stream:

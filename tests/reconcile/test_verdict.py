@@ -24,7 +24,7 @@ from reconcile.search.free import LATEST, FreeParameters
 def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch, still: list[str], beyond: float, known: float, name: str, said: str
 ):
-    monkeypatch.setattr(verdicts, "still", lambda core: still)
+    monkeypatch.setattr(verdicts, "unmoved", lambda core: still)
     monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda core, point: {})

@@ -40,12 +40,12 @@ def study(
     machine before, whose landings tell the delay of its grab; their rows are `practised`.
     """
     cases = [Case(distance, name, drawn, seed) for name, drawn in machines.items() for distance in beyond]
-    rows, practised = _done(cases, report, practice)
+    rows, before = _done(cases, report, practice)
     thrown = {f"{d:g}": [row for row in rows if row["beyond"] == d] for d in beyond}
     by_distance = {distance: summary(of) for distance, of in thrown.items() if of}
     return {
         "reach": reach(), "by_distance_m": by_distance, "failures": failures(by_distance),
-        "interrupted": len(rows) < len(cases), "rows": rows, "practice": practice, "practised": practised,
+        "interrupted": len(rows) < len(cases), "rows": rows, "practice": practice, "practised": before,
     }  # fmt: skip
 
 

@@ -33,6 +33,7 @@ MOST_DAYS = 700_000  # from 1970 to the ends of a calendar
 CENTURY = 10_958, 47_482  # days since 1970 in which recordings begin: 2000 to 2100
 EIGHT = r"(19|20)\d\d[01]\d[0-3]\d"  # a day as one number
 SLOWEST = 3600.0  # s between rows: more is no recording with times since 1970
+UNTIMED = "the time states no unit: taken as s"  # said where nothing else tells
 
 
 @dataclass
@@ -210,7 +211,7 @@ class Clock:
                 f"{self.where}: times such as {self.first} may be s, or all be {form}; --clock 'NAME "
                 f"[{form}]' or 'NAME [s]' says which"
             )
-        notes.append("the time states no unit: taken as s")
+        notes.append(UNTIMED)
         return found, None, first
 
 
