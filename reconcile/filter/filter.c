@@ -56,6 +56,10 @@ typedef struct {
   double *de, *ds;                /* NY x 4 LANES a step: slopes of e and of log s by them */
 } Run;
 
+typedef double V __attribute__((vector_size(32)));
+#define QUADS ((NX + 3) / 4) /* Vs that hold the states: of a transition so many for each state and disturbance that it is from */
+#define ROW (4 * QUADS) /* numbers in them */
+
 #include "noise_slopes.h"
 
 static double scratch[SZ_W + 1];
@@ -68,7 +72,7 @@ static int call(Function f, const double *x, const double *u, const double *m, c
   return f(arg, res, iscratch, scratch, 0);
 }
 
-/* LU with partial pivoting of a [n x n] row-major; 0 if singular. */
+/* LU with partial pivoting of a [n x n] row-major, the diagonal inverted; 0 if singular. */
 static int factor(double *a, int *pivot, int n) {
   if (n > NX) return 0; /* never: it tells the compiler how large a is */
   for (int k = 0; k < n; k++) {
@@ -85,8 +89,9 @@ static int factor(double *a, int *pivot, int n) {
         a[best * n + j] = t;
       }
     }
+    a[k * n + k] = 1.0 / a[k * n + k];
     for (int i = k + 1; i < n; i++) {
-      double g = a[i * n + k] /= a[k * n + k];
+      double g = a[i * n + k] *= a[k * n + k];
       if (g != 0.0) {
         for (int j = k + 1; j < n; j++) a[i * n + j] -= g * a[k * n + j];
       }
@@ -116,7 +121,7 @@ static void solve(const double *a, const int *pivot, int n, double *b, int colum
     }
   }
   for (int k = n - 1; k >= 0; k--) {
-    for (int j = 0; j < columns; j++) b[k * columns + j] /= a[k * n + k];
+    for (int j = 0; j < columns; j++) b[k * columns + j] *= a[k * n + k];
     for (int i = 0; i < k; i++) {
       double g = a[i * n + k];
       if (g != 0.0) {
@@ -128,7 +133,8 @@ static void solve(const double *a, const int *pivot, int n, double *b, int colum
 
 /* What a step is made with: rates and their slopes where it begins, and the factors for substeps of h. */
 typedef struct {
-  double f[NX], b[NX * NW + 1], ab[NX * N], lu[NX * NX], phi[NX * N]; /* ab, phi: [n x (n + NW)] row-major */
+  double f[NX], b[NX * NW + 1], ab[NX * N], lu[NX * NX]; /* ab: [n x (n + NW)] row-major */
+  V phi[N * QUADS]; /* what a substep makes of each state and disturbance */
   int pivot[NX];
 } Slopes;
 
@@ -142,8 +148,11 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
     for (int j = 0; j < n; j++) s->ab[i * wide + j] = a[at[j] * NX + at[i]];
     for (int j = 0; j < NW; j++) s->ab[i * wide + n + j] = s->b[j * NX + at[i]];
   }
+  double *phi = (double *)s->phi;
   if (DISCRETE) {
-    memcpy(s->phi, s->ab, sizeof(double) * (size_t)(n * wide));
+    for (int i = 0; i < n; i++) {
+      for (int j = 0; j < wide; j++) phi[j * ROW + i] = s->ab[i * wide + j];
+    }
     return 1;
   }
   for (int i = 0; i < n; i++) {
@@ -163,7 +172,7 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
   }
   solve(s->lu, s->pivot, n, k2, wide);
   for (int i = 0; i < n; i++) {
-    for (int j = 0; j < wide; j++) s->phi[i * wide + j] = (i == j) + h * (1.5 * k1[i * wide + j] + 0.5 * k2[i * wide + j]);
+    for (int j = 0; j < wide; j++) phi[j * ROW + i] = (i == j) + h * (1.5 * k1[i * wide + j] + 0.5 * k2[i * wide + j]);
   }
   return 1;
 }
@@ -196,8 +205,8 @@ static void rub(const Run *run, const double *started, double *x, const double *
     }
     if (place >= 0) x[axis_q[k]] -= back;
     for (int j = 0; phi && j < wide; j++) {
-      if (place >= 0) phi[place * wide + j] -= 0.5 * h * (1.0 - slope) * phi[row * wide + j];
-      phi[row * wide + j] *= slope;
+      if (place >= 0) phi[j * ROW + place] -= 0.5 * h * (1.0 - slope) * phi[j * ROW + row];
+      phi[j * ROW + row] *= slope;
     }
   }
 }
@@ -233,56 +242,52 @@ static int substep(const Run *run, double *x, const double *f, const double *u, 
   return 1;
 }
 
-/* Covariance over a substep: P = phi P phi' of the states, the disturbances kept. */
-static void spread(double *P, const double *phi, int n) {
+/* Sums of rows of Vs: row i of `out` is the sum over l < many of a[i, l] b[l]; a by rows that are `apart`. */
+static void product(const double *a, int apart, int rows, int many, const V *b, V *out) {
+  for (int i = 0; i < rows; i++) {
+    V sum[QUADS] = {0};
+    for (int l = 0; l < many; l++) {
+      for (int v = 0; v < QUADS; v++) sum[v] += a[i * apart + l] * b[l * QUADS + v];
+    }
+    memcpy(out + i * QUADS, sum, sizeof sum);
+  }
+}
+
+/* Covariance over a step: P = phi P phi' of the states, the disturbances kept. */
+static void spread(double *P, const V *phi, int n) {
   if (n > NX) return;
-  static double t[N * N];
+  static V moved[N * QUADS], after[NX * QUADS];
+  static double rows[NX * N];
+  const double *half = (const double *)moved, *whole = (const double *)after;
   const int wide = n + NW;
+  product(P, wide, wide, wide, phi, moved);
   for (int i = 0; i < n; i++) {
-    double *row = t + i * wide;
-    memset(row, 0, sizeof(double) * (size_t)wide);
-    for (int l = 0; l < wide; l++) {
-      const double a = phi[i * wide + l];
-      if (a == 0.0) continue;
-      for (int j = 0; j < wide; j++) row[j] += a * P[l * wide + j];
-    }
+    for (int l = 0; l < wide; l++) rows[i * wide + l] = ((const double *)phi)[l * ROW + i];
   }
+  product(rows, wide, n, wide, moved, after);
   for (int i = 0; i < n; i++) {
-    double *row = P + i * wide;
-    memset(row, 0, sizeof(double) * (size_t)n);
-    for (int l = 0; l < wide; l++) {
-      const double a = phi[i * wide + l];
-      if (a == 0.0) continue;
-      for (int j = 0; j < n; j++) row[j] += a * t[j * wide + l];
-    }
-    for (int j = n; j < wide; j++) row[j] = t[i * wide + j];
-  }
-  for (int i = 0; i < n; i++) {
-    for (int j = n; j < wide; j++) P[j * wide + i] = P[i * wide + j];
-    for (int j = 0; j < i; j++) P[i * wide + j] = P[j * wide + i] = 0.5 * (P[i * wide + j] + P[j * wide + i]);
+    for (int j = n; j < wide; j++) P[i * wide + j] = P[j * wide + i] = half[j * ROW + i];
+    for (int j = 0; j <= i; j++) P[i * wide + j] = P[j * wide + i] = 0.5 * (whole[i * ROW + j] + whole[j * ROW + i]);
   }
 }
 
-/* total = phi total: the transition over all of a step */
-static void follow(double *total, const double *phi, int n) {
-  static double t[NX * N];
+/* total = phi total: the transition over all of a step, of the disturbances themselves none. */
+static void follow(V *total, const V *phi, int n) {
+  if (n > NX) return;
+  static V t[N * QUADS];
   const int wide = n + NW;
-  memset(t, 0, sizeof t);
-  for (int i = 0; i < n; i++) {
-    for (int l = 0; l < wide; l++) {
-      const double a = phi[i * wide + l];
-      for (int j = 0; a != 0.0 && j < wide; j++) t[i * wide + j] += a * total[l * wide + j];
-    }
-  }
-  memcpy(total, t, sizeof(double) * (size_t)(n * wide));
+  product((const double *)total, ROW, wide, n, phi, t);
+  memcpy(total, t, sizeof(V) * (size_t)(n * QUADS));
+  for (int i = n * QUADS; i < wide * QUADS; i++) total[i] = t[i] + phi[i];
 }
 
-/* All substeps of a step under the inputs `given`, with the disturbances w, if any, and the covariance P with them, if any; s:
- * what they were made with.  The memories of inputs move too; u: what the model felt last. */
+/* All substeps of a step under the inputs `given`, with the disturbances w, if any; s: what they were made with; total:
+ * the transition, if any.  The memories of inputs move too; u: what the model felt last. */
 static int advance(const Run *run, double *x, const double *given, const double *w, double *memory, double *u,
-                   const double *m, double *P, Slopes *s, double *total) {
-  static double posted[NX], px[NX * NX], full[NX * N], phi[NX * N], f[NX], row[NU], next[NI + 1];
-  const int n = run->active, wide = n + NW, *at = run->state;
+                   const double *m, Slopes *s, V *total) {
+  static V phi[N * QUADS], full[N * QUADS];
+  static double posted[NX], px[NX * NX], f[NX], row[NU], next[NI + 1];
+  const int n = run->active, *at = run->state;
   const double dt = given[DT];
   const int substeps = DISCRETE || dt >= run->step ? run->substeps : (int)ceil(run->substeps * dt / run->step - 1e-6);
   const double h = dt / substeps;
@@ -297,23 +302,21 @@ static int advance(const Run *run, double *x, const double *given, const double 
       if (NI) memcpy(memory, next, sizeof(double) * NI);
       for (int i = 0; w && i < NW; i++) u[W0 + i] += w[i];
     }
-    if (again && !linearise(run, x, u, m, h, s, P != 0)) return 0;
+    if (again && !linearise(run, x, u, m, h, s, total != 0)) return 0;
     if (!again) call(kf_f, x, u, m, run->p, f, 0, 0);
-    if (P) memcpy(phi, s->phi, sizeof(double) * (size_t)(n * wide));
-    if (!substep(run, x, again ? s->f : f, u, m, h, s, P ? phi : 0)) return 0;
-    if (P) spread(P, phi, n);
-    if (total) follow(total, phi, n);
+    if (total) memcpy(phi, s->phi, sizeof phi);
+    if (!substep(run, x, again ? s->f : f, u, m, h, s, total ? (double *)phi : 0)) return 0;
+    if (total && q > 0) follow(total, phi, n);
+    if (total && q == 0) memcpy(total, phi, sizeof phi);
   }
   u[DT] = dt;
   if (!POSTS) return 1;
   call(kf_post, x, u, m, run->p, posted, px, 0);
-  if (P) {
-    memset(full, 0, sizeof full);
+  if (total) {
     for (int i = 0; i < n; i++) {
-      for (int j = 0; j < n; j++) full[i * wide + j] = px[at[j] * NX + at[i]];
+      for (int j = 0; j < n; j++) ((double *)full)[j * ROW + i] = px[at[j] * NX + at[i]];
     }
-    spread(P, full, n);
-    if (total) follow(total, full, n);
+    follow(total, full, n);
   }
   for (int i = 0; i < n; i++) x[at[i]] = posted[at[i]];
   return 1;
@@ -436,6 +439,7 @@ EXPORT int run_filter(const Run *run) {
   static double x[NX], alone[NX], P[N * N], u[NU], last[NU], memory[NI + 1], next[NI + 1];
   static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
   static double stepped[N * N];
+  static V total[N * QUADS];
   static Slopes slopes;
   double w[NW + 1] = {0}, side[NY], often[NY]; /* where the innovation before was, and how far they were lately, in CLIP */
   memset(side, 0, sizeof side);
@@ -459,18 +463,21 @@ EXPORT int run_filter(const Run *run) {
       if (window) {
         if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
         memcpy(next, memory, sizeof memory);
-        if (!advance(run, alone, before, 0, next, u, m, 0, &slopes, 0)) return k;
+        if (!advance(run, alone, before, 0, next, u, m, &slopes, 0)) return k;
       }
-      double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : run->de ? stepped : 0;
-      for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
-      if (!advance(run, x, before, w, memory, u, m, P, &slopes, total)) return k;
+      double *transition = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : stepped;
+      if (!advance(run, x, before, w, memory, u, m, &slopes, total)) return k;
+      spread(P, total, n);
+      for (int i = 0; (run->phi || run->de) && i < wide * wide; i++) {
+        transition[i] = i < n * wide ? ((double *)total)[i % wide * ROW + i / wide] : i % (wide + 1) == 0;
+      }
       if (run->de) {
-        noise_move(total, n);
+        noise_move(transition, n);
         noise_shake(run, slopes.b, dt, w, P);
       }
       shake(run, slopes.b, dt, w, P);
       memcpy(last, u, sizeof last);
-      for (int i = 0; total && i < NW; i++) total[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
+      for (int i = 0; i < NW; i++) transition[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
     if (run->before) memcpy(run->before + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
     for (int i = 0; run->ahead && i < wide; i++) run->ahead[(size_t)k * (size_t)wide + (size_t)i] = i < n ? x[at[i]] : w[i - n];

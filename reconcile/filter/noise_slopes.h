@@ -4,8 +4,6 @@
  * out, which is nothing for a linear model.  A V holds four parameters; every array has one more index, over LANES of them.
  * Of dP, the slopes of the covariance, only entries [i][j] with j <= i are kept.
  */
-typedef double V __attribute__((vector_size(32)));
-
 #define LANES ((3 * NW + NY + 3) / 4) /* sizes, time constants and white rates of disturbances, noise of outputs */
 #define DP(i, j) (dP + ((i) * wide + (j)) * LANES)
 
