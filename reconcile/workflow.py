@@ -4,6 +4,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,24 +66,26 @@ def reconcile(
     sets = _read(given, folder, renamed)
     for doubt in units.doubts(folder.model, [r for runs in sets for r in runs], renamed):
         raise InputError(doubt.sentence)
-    figures, answer = examine(folder, *sets, report=said, names=renamed)
-    moved = _moved(given, folder, renamed) if figures["verdict"] in verdicts.OPEN else None
-    proposal = _next(answer, figures, said, moved)
-    if then:
-        figures |= then(answer, figures)
-    figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
-    said("writing")
-    with target.staged(out) as part:
-        if not report_only and _extended(figures):
-            steps = quantization.steps(figures)
-            built = _build(reports.write_model(answer, part / MODEL, steps), part)
-            figures["model"] = {"folder": MODEL, "fmu": built}
-        if proposal and proposal.commands:
-            plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
-        if not report_only:
-            _show(part, figures, [answer], folder.model.name)
-        figures["files"] = sorted(p.name for p in part.iterdir())
-        _write(part / target.REPORT, figures)
+    with target.first_page(out) as page:
+        first = None if report_only else partial(_show_first, page, said)
+        figures, answer = examine(folder, *sets, report=said, names=renamed, first=first)
+        moved = _moved(given, folder, renamed) if figures["verdict"] in verdicts.OPEN else None
+        proposal = _next(answer, figures, said, moved)
+        if then:
+            figures |= then(answer, figures)
+        figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
+        said("writing")
+        with target.staged(out) as part:
+            if not report_only and _extended(figures):
+                steps = quantization.steps(figures)
+                built = _build(reports.write_model(answer, part / MODEL, steps), part)
+                figures["model"] = {"folder": MODEL, "fmu": built}
+            if proposal and proposal.commands:
+                plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
+            if not report_only:
+                _show(part, figures, [answer], folder.model.name)
+            figures["files"] = sorted(p.name for p in part.iterdir())
+            _write(part / target.REPORT, figures)
     return figures
 
 
@@ -93,14 +96,16 @@ def examine(
     holdout: Sequence[Run] = (),
     report: Report | None = None,
     names: Mapping[str, str] | None = None,
+    first: Callable[[Core], None] | None = None,
 ):
     """Find and name, without writing: the report's figures and the answer.
 
+    `first` is told of the model by itself, fitted, before effects are looked for.
     Where clocks differ by recording, the recordings are set right and examined again.
     """
     said = report or (lambda *_: None)
     given = (runs, confirm, holdout)
-    answer = _searched(folder, given, said, names)
+    answer = _searched(folder, given, said, names, first)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
         said("clocks that differ by recording")
@@ -123,7 +128,11 @@ def examine(
 
 
 def _searched(
-    folder: Folder, given: Sequence[Sequence[Run]], said: Report, names: Mapping[str, str] | None = None
+    folder: Folder,
+    given: Sequence[Sequence[Run]],
+    said: Report,
+    names: Mapping[str, str] | None = None,
+    first: Callable[[Core], None] | None = None,
 ) -> Answer:
     """The search, and again with as little noise as the model's own error by then allows.
 
@@ -134,6 +143,8 @@ def _searched(
     core = Core(folder, parts)
     if asked := mistaken.evident(core, names):
         raise InputError(asked)
+    if first:
+        first(core)
     if (share := _least_noise(core, core.base)) < 0.5 * core.share:  # the model is good by itself
         core = Core(folder, parts, floor=share)
     beam = Beam(core, said)
@@ -275,6 +286,13 @@ def _show(folder: Path, figures: dict[str, Any], answers: Sequence[Answer], titl
     from reconcile.page.page import write_for
 
     write_for(folder / target.PAGE, answers, _plain(figures), title)
+
+
+def _show_first(page: Path, said: Report, core: Core) -> None:
+    """Write what the fitted model lacks, before effects are looked for."""
+    from reconcile.page.page import write_first
+
+    said(f"effects are looked for; what is missing so far: {write_first(page, core, core.model.name)}")
 
 
 def _variables(folder) -> list[str]:

@@ -8,14 +8,19 @@ from typing import Any
 
 from reconcile.judging.answer import Answer
 from reconcile.page import plots, sections
-from reconcile.page.shown import Shown, shown
+from reconcile.page.shown import Shown, missing, shown
 from reconcile.reporting.findings import gather
+from reconcile.search.core import Core
 from reconcile.words import number, percent
 from records.report import shell
 from records.report.figures import Figure
 
 MOST = 3  # held-out stretches drawn
 LONG = 90  # characters of a sentence that need a smaller letter
+PUSH = (
+    "What would have to push there for the model to follow the recordings "
+    "(smoothed; the band is two standard deviations)."
+)
 TONES = {"named": "good", "agrees": "good", "reestimated": "good", "unexplained": "bad"}
 
 
@@ -55,6 +60,19 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
     ]
     drawn = [*forces, *overlays, *sure, gap, *(f for pair in pairs for f in pair)]
     return shell.write_whole(path, shell.document(f"reconcile {title}", body, drawn))
+
+
+def write_first(path: Path, core: Core, title: str) -> Path:
+    """Write what there is to see before effects are looked for: what the fitted model lacks."""
+    forces = [f for i, m in enumerate(missing(core, core.base, core.base)) for f in plots.missing(i, m)]
+    report = path.stem.removesuffix("-first")
+    body = [
+        f"<style>{_style()}</style><header><h1>Slewright · reconcile {escape(title)}</h1>"
+        "<p class='verdict none long'>The model by itself is fitted; effects are being looked for. "
+        f"This page goes when {escape(report)}/report.html is there.</p></header>",
+        f"<h2>The missing force so far</h2><p>{PUSH}</p>{_grid(forces)}",
+    ]
+    return shell.write_whole(path, shell.document(f"reconcile {title}", body, forces))
 
 
 def _head(figures: Mapping[str, Any], title: str) -> str:
@@ -104,8 +122,7 @@ def _forces(drawn: list[Figure]) -> str:
     if not drawn:
         return ""
     return (
-        "<h2>The missing force</h2><p>What would have to push there for the model to follow the recordings "
-        "(smoothed; the band is two standard deviations). Where a named effect pushes, that is the model "
+        f"<h2>The missing force</h2><p>{PUSH} Where a named effect pushes, that is the model "
         "with the answer's parameters but without its effects: red is what they do, “after” what is left. "
         f"Dry friction is a step where the speed is zero, a spring a slope over the place.</p>{_grid(drawn)}"
     )

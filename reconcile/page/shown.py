@@ -12,7 +12,9 @@ from reconcile.errors import regimes
 from reconcile.errors.localise import Located
 from reconcile.errors.regimes import Regime
 from reconcile.errors.residual import missing_forces, residuals
+from reconcile.filter.point import Point
 from reconcile.reporting.findings import STAGES, Findings
+from reconcile.search.core import Core
 
 WINDOWS = 2  # drawn
 RESIDUALS = 3
@@ -91,19 +93,19 @@ def shown(found: Findings) -> Shown:
     """What to draw of what was found: the windows that tell most first."""
     order = sorted(range(_count(found)), key=lambda k: -_telling(found, k))
     located = [x for x in found.located if x.accounts][:RESIDUALS]
-    return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located), missing(found))
+    forces = missing(found.core, found.answer.base, found.answer.point)
+    return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located), forces)
 
 
-def missing(found: Findings) -> list[Missing]:
-    """The missing force at the places where it is largest beside the forces there.
+def missing(core: Core, base: Point, point: Point) -> list[Missing]:
+    """The missing force of the model without effects and of an answer, where it is largest beside the forces.
 
     Where a named effect pushes, it is that of the answer without its effects: what is left of it after them,
     and they.  Else the base model's own parameters would have taken over a part of it.
     """
-    core, answer = found.core, found.answer
-    before = missing_forces(core, answer.base)
-    after = missing_forces(core, answer.point) if answer.present else []
-    effects = _effects(found) if after else None
+    before = missing_forces(core, base)
+    after = missing_forces(core, point) if point.present else []
+    effects = _effects(core, point) if after else None
     if effects is not None:
         pushed = [np.any(f) for f in effects.T]
         before = [
@@ -115,38 +117,37 @@ def missing(found: Findings) -> list[Missing]:
     ]
     order = sorted(range(len(before)), key=lambda k: -sizes[k])[:MISSING]
     return [
-        _missing(found, before[k], after[k] if after else None, None if effects is None else effects[:, k])
+        _missing(core, before[k], after[k] if after else None, None if effects is None else effects[:, k])
         for k in order
     ]
 
 
-def _effects(found: Findings) -> np.ndarray | None:
-    """What the answer's effects do at every place [N, places] in the steps of fit and confirm."""
-    core, answer = found.core, found.answer
-    run = core.kalman.run(answer.point.values, answer.present, smooth=True, own=True)
+def _effects(core: Core, point: Point) -> np.ndarray | None:
+    """What an answer's effects do at every place [N, places] in the steps of fit and confirm."""
+    run = core.kalman.run(point.values, point.present, smooth=True, own=True)
     if run is None:
         return None
-    forces = core.kalman.forces(answer.point.values, answer.present, [f.z for f in run])
+    forces = core.kalman.forces(point.values, point.present, [f.z for f in run])
     return forces[np.concatenate([r.fit | r.confirm for r in core.records])]
 
 
-def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
-    known = [g for g in regimes.regressors(found.core) if g.kind in ("speed", "pose", "command")]
+def _missing(core: Core, r, after, effect: np.ndarray | None) -> Missing:
+    known = [g for g in regimes.regressors(core) if g.kind in ("speed", "pose", "command")]
     ends = np.cumsum([0, *(len(t) for _, t in r.moments)])
     parts = list(zip(r.moments, ends[:-1], ends[1:], strict=True))
     over = [
         (
             g.label,
             g.unit,
-            np.concatenate([regimes.values(found.core, g, w, t, r.states[a:b]) for (w, t), a, b in parts]),
+            np.concatenate([regimes.values(core, g, w, t, r.states[a:b]) for (w, t), a, b in parts]),
         )
         for g in known
     ]
-    own = _nearest(found, r, over)
+    own = _nearest(core, r, over)
     begun, times = 0.0, []
     for _, t in r.moments:  # one recording after the other
         times.append(begun + t - t[0])
-        begun = float(times[-1][-1]) + found.core.period
+        begun = float(times[-1][-1]) + core.period
     time = ("time, one recording after the other", "s", np.concatenate(times))
     seen = effect if effect is not None and np.any(effect) else None
     return Missing(
@@ -154,12 +155,12 @@ def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
     )
 
 
-def _nearest(found: Findings, r, over: list) -> list:
+def _nearest(core: Core, r, over: list) -> list:
     """Speed and place of the axis itself first, then a command."""
-    axis = next((a for a in found.core.folder.ports.axes if a.name == r.axis), None)
+    axis = next((a for a in core.folder.ports.axes if a.name == r.axis), None)
     names = [axis.velocity, axis.position] if axis else []
     own = [o for n in names for o in over if o[0] == n]
-    commands = [o for o in over if o[0] in found.core.folder.ports.controls]
+    commands = [o for o in over if o[0] in core.folder.ports.controls]
     return [*own, *commands[:1]] or over
 
 

@@ -55,6 +55,16 @@ def _foreign(out: Path) -> str:
 
 
 @contextmanager
+def first_page(out: Path) -> Iterator[Path]:
+    """Beside DIR, a page for as long as the report is not there; it goes when the block ends."""
+    page = out.with_name(f"{out.absolute().name}-first.html")
+    try:
+        yield page
+    finally:
+        page.unlink(missing_ok=True)
+
+
+@contextmanager
 def staged(out: Path) -> Iterator[Path]:
     """A folder that takes the place of DIR when the block ends well, and goes when it does not.
 

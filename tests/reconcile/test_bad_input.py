@@ -487,7 +487,11 @@ def test_what_cannot_be_seen_is_said_with_what_to_drive(tmp_path):
     rng = np.random.default_rng(1)
     still = {n: 1e-4 * rng.standard_normal(len(v)) for n, v in COLUMNS.items()}
     run = csv(tmp_path / "a.csv", still | {"force": 0.0 * TIME}, UNITS)
-    figures = reconcile([run], str(RIG), tmp_path / "out")
+    pages = []
+    said = lambda *_: pages.extend(tmp_path.glob("*-first.html"))  # noqa: E731
+    figures = reconcile([run], str(RIG), tmp_path / "out", report=said)
+    assert {p.name for p in pages} == {"out-first.html"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "out"]
     assert figures["verdict"] == "insufficient_excitation"
     assert {r["parameter"]: r["drive"] for r in figures["unseen"]}["mass"] == ["force"]
     assert "drive force" in figures["sentence"]

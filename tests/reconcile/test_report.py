@@ -12,10 +12,10 @@ from reconcile.errors import replicates
 from reconcile.judging import verdict as verdicts
 from reconcile.page import plots
 from reconcile.page.equation import equation, spelt
-from reconcile.page.page import _facts, write_page
+from reconcile.page.page import _facts, write_first, write_page
 from reconcile.page.shown import Course, Shown, Stretch, missing, shown
 from reconcile.recordings.data import Run, Signal
-from reconcile.reporting import report as reports
+from reconcile.reporting import report as reports, target
 from reconcile.reporting.contract import Report, check
 from reconcile.reporting.findings import Findings, above
 from reconcile.workflow import _plain
@@ -190,11 +190,21 @@ def test_the_page_draws_what_was_held_out_and_the_residual(page, figures):
 
 
 def test_the_named_effect_is_drawn_through_the_missing_force(friction):
-    (force,) = missing(friction)
+    (force,) = missing(friction.core, friction.answer.base, friction.answer.point)
     assert force.after is not None and force.effect is not None  # noqa: PT018
     assert np.allclose(force.before, force.after + force.effect)
     assert np.std(force.after) < 0.2 * np.std(force.before)
     assert np.corrcoef(force.before, force.effect)[0, 1] > 0.9
+
+
+def test_the_first_page_shows_what_the_model_lacks_and_goes_with_the_report(friction, tmp_path):
+    with target.first_page(tmp_path / "rig") as page:
+        text = write_first(page, friction.core, "rig").read_text("utf-8")
+    assert "The missing force so far" in text
+    assert "goes when rig/report.html is there" in text
+    assert '"name":"missing-0-0"' in text
+    assert "mean after" not in text
+    assert not page.exists()
 
 
 def test_names_are_escaped(friction, figures, tmp_path):
