@@ -30,7 +30,14 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
     indexed = Counter(m["name"] for c in cells if (m := _match(SQUARE, c)) and m["unit"].isdigit())
     found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
-    return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
+    return [
+        Heading(c) if names[h.name] > 1 and not _is_clock(h) else h for h, c in zip(found, cells, strict=True)
+    ]
+
+
+def _is_clock(head: Heading) -> bool:
+    """Whether it is a clock's with its unit; several of them are told apart later."""
+    return clock_name(head.name) and of_time(head.unit)
 
 
 def _match(style: re.Pattern[str], cell: str) -> re.Match[str] | None:
@@ -64,6 +71,7 @@ def _square(cell: str, ours: bool) -> Heading | None:
     if not ours and unit.isdigit() and not match["blank"]:
         return None  # an index
     # A known signal with a strange unit is refused by name later, and a clock with one, too.
-    if ours or not unit or is_unit(unit) or name in signals() or (clock_name(name) and match["blank"]):
+    clock = clock_name(name) and (match["blank"] or ":" in unit)  # t[i] is an array
+    if ours or not unit or is_unit(unit) or name in signals() or clock:
         return Heading(name, unit, cell)
     return None
