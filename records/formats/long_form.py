@@ -9,8 +9,8 @@ from specs.errors import InputError, listed
 NAMES = frozenset(
     [
         "signal", "signalname", "channel", "channelname", "name", "variable", "variablename", "varname",
-        "var", "tag", "tagname", "parameter", "topic", "field", "key", "item", "sensor", "sensorname", "metric",
-        "point", "pointname", "kanal", "kanalname", "messstelle",
+        "var", "tag", "tagname", "parameter", "topic", "field", "key", "item", "sensor", "sensorname",
+        "metric", "point", "pointname", "kanal", "kanalname", "messstelle",
     ]
 )  # fmt: skip
 VALUES = frozenset(
