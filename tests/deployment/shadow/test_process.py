@@ -1,5 +1,6 @@
 """`slewright run --shadow` as on a machine: its processes on a bus, another node counts what it says."""
 
+import shutil
 import time
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def test_the_process_says_nothing_on_the_bus(slewright: Command, tmp_path: Path)
         listener.shutdown()
         bus.terminate()
         bus.wait()
+        shutil.rmtree(sockets)
     assert said["shadow"] == 0
     assert said["control"] > 50
     recording = Recording(tmp_path / "shadow")
