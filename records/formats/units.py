@@ -97,6 +97,16 @@ def of_time(text: str) -> bool:
     return name in TIMES
 
 
+def zone_s(text: str) -> int | None:
+    """How many s a zone such as UTC+2 or GMT is ahead of UTC; None for what is none."""
+    match = ZONE.match(text.strip())
+    if not match:
+        return None
+    ahead = 3600 * int(match["hours"] or 0) + 60 * int(match["minutes"] or 0)
+    return -ahead if match["sign"] == "-" else ahead
+
+
+ZONE = re.compile(r"^(?:UTC|GMT)\s*(?:(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?)?$", re.IGNORECASE)
 TIMES = ("s", "ms", "us", "ns", "min", "h", "d")
 
 

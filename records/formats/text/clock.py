@@ -55,6 +55,7 @@ class Clock:
     filled: int = 0
     held: np.ndarray = field(default_factory=lambda: np.empty(0))
     dates: Dates = field(init=False)
+    ahead_s: int | None = None  # of UTC: the zone of its dates that a heading states
 
     def __post_init__(self) -> None:
         self.dates = Dates(self.where, FORMS.get(self.unit, ""))
@@ -185,9 +186,10 @@ class Clock:
         if self.dates.of_day:
             notes.append("the times are times of day without a date: the start is not known")
             return time, None, first / 1e9
-        if not self.dates.zone:
+        if not self.dates.zone and self.ahead_s is None:
             notes.append("the times state no time zone: taken as UTC")
-        return time, at_ns(first), 0.0
+        ahead = 0 if self.dates.zone else self.ahead_s or 0
+        return time, at_ns(first - ahead * 10**9), 0.0
 
     def _of_numbers(self, found: np.ndarray, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
         first = float(self.first or 0)

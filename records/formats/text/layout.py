@@ -24,6 +24,7 @@ HEAD_LINES = 120
 UNIT_LABELS = frozenset(
     ["unit", "units", "einheit", "einheiten", "unité", "unités", "unidad", "unidades", "unità", "eenheid"]
 )
+FORM = re.compile(r"^(?=.*(?:h:m|yy))[dmyhsft:./ -]+$", re.IGNORECASE)  # how times are written, no m/s
 META_LINE = re.compile(r"^[#%/\s]*(?P<key>[^:]+):(?P<value>.*)$")
 
 
@@ -289,5 +290,5 @@ def _is_units(cells: Sequence[str], found: Layout, at: Sequence[int], later: Seq
 
 
 def _is_label(cell: str) -> bool:
-    """Whether a cell says that units stand beside it."""
-    return cell.strip("[]():. ").lower() in UNIT_LABELS
+    """Whether a cell says that units stand beside it, or in which form the times are written: hh:mm:ss."""
+    return cell.strip("[]():. ").lower() in UNIT_LABELS or bool(FORM.match(cell.strip("[]()")))

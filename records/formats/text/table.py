@@ -28,6 +28,7 @@ from records.formats.text.rows import Block, Rows
 from records.formats.text.source import Source, opened
 from records.formats.text.whole import keep_whole_numbers
 from records.formats.text.words import is_number, is_value
+from records.formats.units import zone_s
 from records.recording import first_line
 from specs.errors import InputError
 
@@ -137,9 +138,11 @@ class TextTable:
         """The table; raises InputError with the place of what cannot be read."""
         heads = self.layout.headings
         rows = max(self.source.lines - self.layout.first + 1, 0)
+        zones = [z for i in self.clocks if (z := zone_s(heads[i].unit)) is not None]
+        unit = "" if self.unit == DAY or zone_s(self.unit) is not None else self.unit
         clock = Clock(
-            f"{self.path}: {heads[self.clocks[0]].name}", "" if self.unit == DAY else self.unit, self.marks,
-            heads[self.clocks[0]].name.lower() in DAY_NAMES, rows=rows,
+            f"{self.path}: {heads[self.clocks[0]].name}", unit, self.marks,
+            heads[self.clocks[0]].name.lower() in DAY_NAMES, rows=rows, ahead_s=next(iter(zones), None),
         )  # fmt: skip
         columns = {i: Column(h, np.empty(rows)) for i, h in enumerate(heads) if i not in self.clocks}
         at, numbers = 0, []

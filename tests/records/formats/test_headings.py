@@ -39,6 +39,14 @@ def test_a_line_of_units_that_says_so(read, label):
     assert not any("no unit, taken as Pa" in r for r in found.repairs)
 
 
+@pytest.mark.parametrize("form", ["hh:mm:ss", "[hh:mm:ss.fff]", "HH:MM:SS", "h:m:s"])
+def test_a_line_of_units_with_the_form_of_the_times(read, form):
+    found = read(f"Time;p_slew_a;v\n{form};bar;m/s\n01:59:59;1;1\n02:00:00;2;2\n")
+    assert found["v"].unit == "m/s"
+    assert found["p_slew_a"].values.tolist() == [1e5, 2e5]
+    assert found["p_slew_a"].time.tolist() == [0, 1]
+
+
 def test_a_line_of_units_with_an_unknown_one_for_the_clock(read):
     with pytest.raises(InputError, match="the time is in 'm'; valid"):
         read("time,a,b\nm,bar,V\n0,1,2\n1,2,3\n")
