@@ -167,13 +167,14 @@ def _is_time(kind: pa.DataType) -> bool:
 
 
 def _rises(column: pa.ChunkedArray) -> bool:
-    """Whether the first values of a column are times, or numbers that rise."""
+    """Whether the first values of a column are times, or numbers that rise or, newest first, fall."""
     first = column[:1000].drop_null()
     if pa.types.is_timestamp(column.type):
         return True
     if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)) or len(first) < 2:
         return False
-    return bool((np.diff(values(first)) > 0).all())
+    steps = np.diff(values(first))
+    return bool((steps > 0).all() or (steps < 0).all())
 
 
 def _headings(schema: pa.Schema, source: str) -> list[Heading]:

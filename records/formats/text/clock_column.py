@@ -75,14 +75,15 @@ def _by_unit(heads: list[Heading], notes: list[str]) -> int:
 
 
 def _rises(cells: Sequence[str]) -> bool:
-    """Whether cells are dates, or numbers of which each is more than the one before."""
+    """Whether cells are dates, or numbers of which each is more, or each less, than the one before."""
     if cells and all(map(is_date, cells)):
         return True
     try:
         values = [float(c.replace(",", ".")) for c in cells]
     except ValueError:
         return False
-    return len(values) > 1 and all(a < b for a, b in pairwise(values))
+    steps = [b - a for a, b in pairwise(values)]
+    return bool(steps) and (min(steps) > 0 or max(steps) < 0)
 
 
 def _day_and_time(columns: Cells, heads: Sequence[Heading]) -> list[int] | None:

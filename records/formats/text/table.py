@@ -61,10 +61,11 @@ class TextTable:
         self.names = [str(i) for i in range(self.layout.width)]
         self.clocks, self.unit = self._clock(names)
         check_twice([h for i, h in enumerate(self.layout.headings) if h.name or i in self.clocks], str(path))
-        decimal = self.options.decimal or self.layout.meta.pop("lvm decimal", None)
+        stated = self.layout.meta.pop("lvm decimal", None)  # where LabVIEW groups no digits
+        decimal, thousands = options.decimal or stated, options.thousands or (stated and "none")
         self.marks = decide(
             self.rows.blocks, self.strings, [h.name for h in self.layout.headings], self.rows.delimiter,
-            decimal, options.thousands, str(path), options.missing,
+            decimal, thousands, str(path), options.missing,
         )  # fmt: skip
 
     def _trailing(self) -> None:

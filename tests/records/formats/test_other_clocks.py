@@ -32,6 +32,8 @@ def read(tmp_path):
 def test_a_further_clock_is_not_read_as_a_channel_beside_values_of_another_time(read, head):
     with pytest.raises(InputError, match=r"2 columns may be the time: .*--clock NAME says"):
         read(f"{head}\n0,1,0,5\n1,2,0.5,6\n2,3,1.0,7\n")
+    with pytest.raises(InputError, match="2 columns may be the time"):
+        read(f"{head}\n2,3,1.0,7\n1,2,0.5,6\n0,1,0,5\n")  # newest first
 
 
 @pytest.mark.parametrize("head", ["time [s],t1,t2", "time [s],T1 [degC],T2 [degC]", "time,time_step [s],p",
