@@ -27,6 +27,7 @@ from specs.signals import definition
 
 LOCAL_BUS = "slewright"  # on one computer, for tests and simulated machines
 NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")  # ROS 2: namespace and name
+HOST_NAME = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(\.(?!-)[A-Za-z0-9-]{1,63})*")  # as browsers send it
 LAST_DOMAIN = 101  # of ROS 2: the ports of higher ones are those of outgoing connections
 LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
 
@@ -141,6 +142,11 @@ class Hmi:
     tokens: Path = Path("hmi-tokens.json")
     audit: Path = Path("audit")
     tls: HmiTls | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.names:
+            if not HOST_NAME.fullmatch(name):
+                raise InputError(f"names: {name!r} is no name of a computer, as in crane7.example (no port)")
 
 
 @dataclass(frozen=True, kw_only=True)

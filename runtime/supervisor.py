@@ -247,8 +247,9 @@ class Supervisor:
             return {}
         kept = Retained(Folder(wanted.folder), retained_layout(wanted.signals))
         values = kept.load()
-        for name in kept.damaged:  # it may have been the newer one
-            said = f"retained values in {wanted.folder}: {name} is damaged, those of the other copy are used"
+        wrong = {**dict.fromkeys(kept.damaged, "damaged"), **dict.fromkeys(kept.missing, "missing")}
+        for name, how in wrong.items():  # it may have been the newer one
+            said = f"retained values in {wanted.folder}: {name} is {how}, those of the other copy are used"
             sys.stderr.write(f"slewright: {said}\n")
         return values
 

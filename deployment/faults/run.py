@@ -6,12 +6,23 @@ from pathlib import Path
 
 import numpy as np
 
-from deployment.faults import devices, injected, interfaces, lost_devices, outside, process_faults, watching
+from deployment.faults import (
+    devices,
+    injected,
+    interfaces,
+    lost_devices,
+    orphans,
+    outside,
+    people,
+    process_faults,
+    watching,
+)
 from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
 from deployment.faults.fmu_table import FMU
 from deployment.faults.foreign_fmus import run_fmus
 from deployment.faults.outside_table import OUTSIDE
+from deployment.faults.people_table import FILES, KILLED_STARTING
 from deployment.faults.processes import run_all
 from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
 from runtime.bundle import load
@@ -27,7 +38,10 @@ LAST_TICKS = 60  # of the drive, in which no fault begins: it needs frames to go
 
 def faults(names: Sequence[str] = ()) -> list[Fault]:
     """Those called `names`, all without; raises InputError for an unknown one."""
-    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN, *FMU, *PROCESS, *OUTSIDE)}
+    known = {
+        f.name: f
+        for f in (*BUS, *IMAGE, *INSIDE, *FILES, *CANOPEN, *FMU, *PROCESS, *KILLED_STARTING, *OUTSIDE)
+    }
     for name in names:
         if name not in known:
             raise InputError(f"no fault '{name}'; {nearest(name, known)}")
@@ -53,6 +67,7 @@ def run(
             **dict.fromkeys(watching.NAMES, watching.run),
             **lost_devices.INJECTIONS,
             **outside.INJECTIONS,
+            "supervisor_killed": orphans.run,
         }
         outcomes += run_all(bundle, several, count, seed, report, more)
     return outcomes
@@ -76,5 +91,5 @@ def _lockstep(drive: Drive, wanted: Sequence[Fault], count: int, seed: int, repo
 def _injection(fault: Fault) -> Callable[..., None]:
     if fault.level != "inside":
         return injected.inject
-    rooms = {"interface": interfaces, "canopen": devices}
+    rooms = {"interface": interfaces, "canopen": devices, "audit": people, "retained": people}
     return getattr(rooms.get(fault.name.partition("_")[0], process_faults), fault.name)

@@ -13,8 +13,10 @@ import numpy as np
 from records.formats.dbc import Dbc, all_columns, checksums, data_id, fields, unstated
 from records.formats.exact import EXACT, ROUNDED
 from records.formats.raw import Group, Raw, RawColumn
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
+NO_ZONE = "the start states no time zone: taken as UTC"
+TOP = 0xFE  # of a field's first byte: in J1939, from here on it holds an error or nothing
 BLOCK = 1 << 16  # frames decoded at once: their bits take eight times their bytes
 
 
@@ -103,20 +105,26 @@ def _group(message: Any, bus: Any, frames: Frames, notes: list[str], path: Path)
             f"{message.name}: frames longer than {message.length} bytes: {long}; the rest is not in the DBC"
         )
     identifier, right, parts = data_id(message), np.ones(len(time), dtype=bool), []
+    full: dict[str, None] = {}
     for rows, data in frames.blocks(message.length):
         lengths = sizes[rows] if short else None
-        _check_protocol(message, data, lengths, time[rows], path)
+        full |= dict.fromkeys(_check_protocol(message, data, lengths, time[rows], path))
         if identifier is not None:
             right[rows] = checksums(data, identifier) == data[:, 0]
             data, lengths = data[right[rows]], None if lengths is None else lengths[right[rows]]
         parts.append(all_columns(message, data, lengths))
+    if full:
+        notes.append(
+            f"{message.name}: all bits set in {listed(list(full), 4)}, taken as values; in J1939 they are "
+            "none: --protocol j1939"
+        )
     if not right.all():
         wrong = len(right) - np.count_nonzero(right)
         notes.append(f"{message.name}: frames whose checksum is wrong: dropped {wrong}")
     if not right.any():
         return []
     made = _joined(parts)
-    notes += _rounded(message, made)
+    notes += [*_rounded(message, made), *_named(message, made)]
     columns = [c for c in made if c.absent is None or not c.absent.all()]
     return [(bus, Group(message.name, time[right] if not right.all() else time, columns, "frame"))]
 
@@ -129,6 +137,31 @@ def _rounded(message: Any, columns: Sequence[RawColumn]) -> list[str]:
         for c in columns
         if c.name in least and c.values.dtype.kind == "f" and np.abs(c.values).max() >= least[c.name]
     ]
+
+
+def _named(message: Any, columns: Sequence[RawColumn]) -> list[str]:
+    """What to say of values of a quantity whose numbers the DBC names, but not as no value: such as 65535
+    "Init".
+    """
+    made, notes = {c.name: c for c in columns}, []
+    for one in fields(message):
+        s, column = one.signal, made[one.signal.name]
+        if not (s.unit or s.is_float or one.place.scale != 1 or one.place.offset):
+            continue  # an enumeration: its numbers are states
+        there = np.ones(len(column.values), dtype=bool)
+        for lacks in (column.absent, column.broken):
+            there &= True if lacks is None else ~lacks
+        hits = {
+            f"{n} '{text}'": int((there & (column.values == n * one.place.scale + one.place.offset)).sum())
+            for n, text in (s.choices or {}).items()
+            if int(n) not in one.codes
+        }
+        if shown := [name for name, count in hits.items() if count]:
+            notes.append(
+                f"{s.name}: numbers that the DBC names are kept as values, {sum(hits.values())} times: "
+                f"{listed(shown, 3)}"
+            )
+    return notes
 
 
 def _joined(parts: list[list[RawColumn]]) -> list[RawColumn]:
@@ -152,22 +185,31 @@ def _flags(parts: Sequence[np.ndarray | None], of: Sequence[RawColumn]) -> np.nd
 
 def _check_protocol(
     message: Any, data: np.ndarray, lengths: np.ndarray | None, time: np.ndarray, path: Path
-) -> None:
-    """Refuse fields with all bits set where it is not stated whether that is a value."""
+) -> list[str]:
+    """Refuse fields at the top of their range where it is not stated whether that is a value; names of those
+    of a few bits, which flags and counters are, too.
+    """
     if not unstated(message):
-        return
+        return []
+    few = []
     for one, column in zip(fields(message), all_columns(message, data, lengths), strict=True):
-        if one.signal.is_signed or one.signal.is_float or one.signal.length < 8:
+        length = one.signal.length
+        if one.signal.is_signed or one.signal.is_float or length == 1:
             continue
-        full = one.raw(np.unpackbits(data, axis=1, bitorder="little")) == one.not_available
+        top = TOP << (length - 8) if length >= 8 else one.not_available
+        full = one.raw(np.unpackbits(data, axis=1, bitorder="little")) >= np.uint64(top)
         for known in (column.absent, column.broken):
             full &= True if known is None else ~known
-        if full.any():
+        if full.any() and length < 8:
+            few.append(column.name)
+        elif full.any():
             at = time[np.flatnonzero(full)[0]]
             raise InputError(
-                f"{path}: {message.name}.{one.signal.name} has all bits set at {at:.9g} s: in J1939 that is "
-                "no value, and the DBC states no protocol; --protocol j1939 or --protocol can says it"
+                f"{path}: {message.name}.{one.signal.name} is at the top of its range at {at:.9g} s: in "
+                "J1939 that is no value, and the DBC states no protocol; --protocol j1939 or "
+                "--protocol can says it"
             )
+    return few
 
 
 def _uniquely_named(found: Iterable[tuple[Any, Group]]) -> list[Group]:

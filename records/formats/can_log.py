@@ -15,7 +15,7 @@ from can.io.blf import FILE_HEADER_SIZE, BLFParseError
 
 from records.formats import blf_objects
 from records.formats.asc import AscLog, read_asc
-from records.formats.can_frames import FrameLog, Frames, decoded
+from records.formats.can_frames import NO_ZONE, FrameLog, Frames, decoded
 from records.formats.can_write import NEVER, write
 from records.formats.candump import read_candump, read_trc
 from records.formats.dbc import Dbc
@@ -28,7 +28,6 @@ __all__ = ["read", "write"]
 
 READS = (".blf", ".asc", ".log", ".candump", ".trc")
 WRITES = (".blf", ".asc")
-NO_ZONE = "the start states no time zone: taken as UTC"
 
 
 @dataclass

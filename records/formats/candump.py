@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from records.formats.can_frames import FrameLog
+from records.formats.can_frames import NO_ZONE, FrameLog
 from records.formats.log_lines import LeftOut, LogLines
 from records.formats.metadata import at_ns
 from records.recording import first_line
@@ -127,6 +127,8 @@ def read_trc(path: Path, log: FrameLog) -> Iterator[Any]:
         message.timestamp = float(time - first)
         yield message
     log.start = _start(first)
+    if log.start:
+        log.notes.append(NO_ZONE)
     if lines.cut.strip():
         log.notes.append("the log was not closed: its last line is left out")
     if remote:

@@ -6,13 +6,15 @@ import re
 from collections.abc import Iterable
 
 NO_VALUE = re.compile(
-    r"\b(sna|n/a|n\.a|na|not?[ _-]?avail\w*|signal[ _-]?not[ _-]?avail\w*|unavail\w*|invalid\w*"
-    r"|not[ _-]?valid|no[ _-]?(data|value|signal)|undefined|"
-    r"nicht[ _-]?verf\w*|ung(ü|ue)ltig|kein[ _-]?wert|nv|nan)\b",
+    r"\b(sna|snv|n/a|n\.a|na|not?[ _-]?avail\w*|signal[ _-]?not[ _-]?avail\w*|unavail\w*|invalid\w*"
+    r"|not[ _-]?(valid|supported|installed|defined)|no[ _-]?(data|value|signal)|undefined|undefiniert"
+    r"|non? disponible|indisponible|无效|nicht[ _-]?verf\w*|ung(ü|ue)ltig|kein[ _-]?wert|nv|nan)\b",
     re.IGNORECASE,
 )
 ERROR = re.compile(
-    r"(?<!\bno )(?<!\bkein )\b(error|err|fehler|fault\w*|defect|defekt)\b(?!.?free)", re.IGNORECASE
+    r"(?<!\bno )(?<!\bkein )\b(error|err|fehler|fault\w*|failure|defect|defekt|timeout|implausib\w*"
+    r"|open[ -]?circuit|short[ -]?circuit|short to \w+|(out of|over|under)[ -]?range)\b(?!.?free)",
+    re.IGNORECASE,
 )
 STATE = re.compile(r"\b(valid|g(ü|ue)ltig)\b|\b(available|verf(ü|ue)gbar)\b", re.IGNORECASE)
 
@@ -32,5 +34,5 @@ def means_no_value(text: str, at_the_top: bool = False) -> bool:
     """Whether a text says that there is no value; *error* does so where the code is at the top
     of its field.
     """
-    words = text.replace("_", " ")
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text.replace("_", " "))
     return bool(NO_VALUE.search(words) or (at_the_top and ERROR.search(words)))

@@ -215,10 +215,8 @@ def unstated(message: Any) -> bool:
 def _protocols(database: Any, protocol: str | None) -> None:
     """Write down for each message what `protocol`, else the database, states."""
     attributes = database.dbc.attributes if database.dbc else {}
-    named = str(
-        getattr(attributes.get("ProtocolType"), "value", "")
-        or getattr(attributes.get("BusType"), "value", "")
-    )
+    kinds = [str(getattr(attributes.get(k), "value", "")) for k in ("ProtocolType", "BusType")]
+    named = kinds[0] or (kinds[1] if "j1939" in kinds[1].lower() else "")  # a bus of CAN may carry J1939
     for message in database.messages:
         own = message.dbc.attributes.get("VFrameFormat") if message.dbc else None
         message.of_j1939 = protocol == "j1939" or (

@@ -21,7 +21,7 @@ from asammdf import MDF, Signal
 
 from records.formats.dbc import Dbc
 from records.formats.exact import EXACT, ROUNDED
-from records.formats.mdf4_codes import applied, exactly, has_texts
+from records.formats.mdf4_codes import applied, exactly, has_texts, named
 from records.formats.mdf4_groups import (
     FRAME,
     bus_event,
@@ -35,9 +35,10 @@ from records.formats.mdf4_groups import (
 from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import clocks
+from records.formats.units import spelled
 from records.measurement import Channel, Measurement
 from records.recording import first_line
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
 READS = (".mf4", ".mdf", ".dat")
 WRITES = (".mf4",)
@@ -170,6 +171,13 @@ def _with_codes(plain: Any, rule: Any, signal: Any, notes: list[str]) -> list[Ra
     values, coded = applied(rule, raw)
     if coded.any():
         notes.append(f"{signal.name}: {coded.sum()} samples are codes of its conversion, no values")
+    kept = named(rule, raw, coded) if spelled(signal.unit or "") not in ("", "1") else {}
+    if kept:  # a quantity, no enumeration
+        shown = listed([f"'{text}'" for text in kept], 3)
+        notes.append(
+            f"{signal.name}: numbers that its conversion names are kept as values, {sum(kept.values())} "
+            f"times: {shown}"
+        )
     invalid = signal.invalidation_bits
     broken = coded if invalid is None else coded | np.asarray(invalid, dtype=bool)
     return [RawColumn(signal.name, signal.unit or "", values, _text(signal.comment), None, broken)]

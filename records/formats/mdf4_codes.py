@@ -56,6 +56,13 @@ def applied(rule: Any, raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values, coded
 
 
+def named(rule: Any, raw: np.ndarray, coded: np.ndarray) -> dict[str, int]:
+    """Texts of raw numbers [n] that are no codes, and how many samples have each; not that of all others."""
+    *entries, _ = _entries(rule, raw)
+    found = {_as_text(to): int((mask & ~coded).sum()) for mask, to in entries if _is_text(to)}
+    return {text: count for text, count in found.items() if text and count}
+
+
 def _at_the_top(raw: np.ndarray, mask: np.ndarray) -> bool:
     """Whether the raw numbers chosen are the last two that their type can hold."""
     return (

@@ -12,11 +12,13 @@ import pyarrow.parquet as pq
 
 from records import record
 from records.formats.exact import EXACT
+from records.formats.long_form import check_long_form
 from records.formats.metadata import from_ns, meta_of, start_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import (
     Heading,
     cells,
+    check_other_clocks,
     check_twice,
     clock_name,
     clock_unit,
@@ -117,7 +119,17 @@ def _table(path: Path, names: Mapping[str, str], clock: str | None) -> Raw:
         for i, h in enumerate(headings)
         if i != index and (column := _column(h, table.column(i), notes)) is not None
     ]
+    texts = [(h.name, _some_texts(table.column(i))) for i, h in enumerate(headings) if i != index]
+    check_long_form(texts, [c.name for c in columns], str(path))
     return Raw([Group("", time, columns, shown=offset)], start, {}, notes, offset)
+
+
+def _some_texts(column: pa.ChunkedArray) -> list[str]:
+    """Different texts of a column of texts; none of another one."""
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+        return []
+    return [t for t in column.unique().to_pylist()[:1000] if t]
 
 
 def _clock_of(
@@ -140,6 +152,7 @@ def _clock_of(
         if _is_time(table.column(i).type) and (alone or len(table.column(i)[:1000].unique()) > 1)
     ]  # fmt: skip
     at = one_clock(headings, possible or named, source)
+    check_other_clocks(headings, at, lambda i: _rises(table.column(i)), source)
     return at, headings[at].unit or clock_unit(headings[at].name)
 
 
@@ -151,6 +164,17 @@ def _is_time(kind: pa.DataType) -> bool:
         t.is_string, t.is_large_string,
     )  # fmt: skip
     return any(test(kind) for test in tests)
+
+
+def _rises(column: pa.ChunkedArray) -> bool:
+    """Whether the first values of a column are times, or numbers that rise or, newest first, fall."""
+    first = column[:1000].drop_null()
+    if pa.types.is_timestamp(column.type):
+        return True
+    if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)) or len(first) < 2:
+        return False
+    steps = np.diff(values(first))
+    return bool((steps > 0).all() or (steps < 0).all())
 
 
 def _headings(schema: pa.Schema, source: str) -> list[Heading]:
@@ -179,8 +203,7 @@ def _clock(
     if pa.types.is_timestamp(kind):
         if kind.tz is None:
             notes.append("the times state no time zone: taken as UTC")
-        stamps = values(column.cast(pa.int64()).fill_null(0)) * PER_NS[kind.unit]
-        return *from_ns(stamps, values(column.is_null())), 0.0
+        return *from_ns(_nanoseconds(column, where), values(column.is_null())), 0.0
     if pa.types.is_duration(kind) or pa.types.is_time(kind):
         unit = kind.unit
         column = column.cast(pa.int32() if kind.bit_width == 32 else pa.int64())
@@ -192,6 +215,19 @@ def _clock(
     text = column.cast(pa.string()).combine_chunks()
     clock.add(text, range(1, len(column) + 1))
     return clock.result(notes)
+
+
+def _nanoseconds(column: pa.ChunkedArray, where: str) -> np.ndarray:
+    """Stamps as whole ns since 1970, 0 where there is none; raises InputError for years that do not fit."""
+    try:
+        return values(column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64()).fill_null(0))
+    except pa.ArrowException:
+        ends = pc.min_max(column.cast(pa.timestamp("s", column.type.tz), safe=False).cast(pa.int64()))  # type: ignore[attr-defined]
+        first, last = (f"{1970 + round(v.as_py() / 31_556_952)}" for v in ends.values())
+        raise InputError(
+            f"{where}: times from about the year {first} to {last}; those before 1678 or after 2261 are "
+            "not read"
+        ) from None
 
 
 def _column(head: Heading, column: pa.ChunkedArray, notes: list[str]) -> RawColumn | None:

@@ -3,13 +3,14 @@ for all channels, the one they share or a grid that is asked for.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from hashlib import blake2b
 
 import numpy as np
 
+from records.formats.units import of_time
 from records.measurement import MOST_ROWS, ROUNDING, Channel, Measurement
 from specs.errors import InputError, nearest
 
@@ -69,6 +70,7 @@ BY_NAME = {"seconds": "s", "sec": "s", "secs": "s", "second": "s", "millis": "ms
            "micros": "us", "microseconds": "us", "nanoseconds": "ns"}  # fmt: skip
 DAY_NAMES = ("date", "datum")  # a day alone, unless it says more
 SUFFIX = re.compile(r"^(?P<name>.*[a-z])(?:_|(?=[A-Z]))(?P<unit>s|ms|us|ns|sec|msec|usec|Ms|Us|Ns|min)$")
+NUMBERED = re.compile(r"^(?P<name>.*?)[\s._-]*\d+$")
 SQUARE = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 
 
@@ -138,15 +140,41 @@ def one_clock(headings: Sequence[Heading], possible: Sequence[int], source: str)
         return possible[0]
     found = [h.name for h in headings]
     if possible:
-        several = ", ".join(found[i] for i in possible)
-        raise InputError(
-            f"{source}: {len(possible)} columns may be the time: {several}; --clock NAME says which one is"
-        )
+        raise _several(headings, possible, source)
     shown = ", ".join(name[:40] for name in found[:8]) + (", …" if len(found) > 8 else "")
     raise InputError(
         f"{source}: no time column (time, timestamp, t, time_ms …) among {shown}; "
         "--clock 'NAME [unit]' names it, or a --map with 'NAME' = 'time [unit]'"
     )
+
+
+def _several(headings: Sequence[Heading], possible: Sequence[int], source: str) -> InputError:
+    several = ", ".join(headings[i].text or headings[i].name for i in possible)
+    return InputError(
+        f"{source}: {len(possible)} columns may be the time: {several}; --clock NAME says which one is"
+    )
+
+
+def check_other_clocks(
+    headings: Sequence[Heading], at: int, rises: Callable[[int], bool], source: str
+) -> None:
+    """Raise InputError where columns that rise as times do, and are called so, stand beside the clock: they
+    are the time of some of the others.
+    """
+    named = clock_name(headings[at].name)
+    others = [i for i, h in enumerate(headings) if i != at and _may_be_another(h, named) and rises(i)]
+    if others:
+        raise _several(headings, sorted([at, *others]), source)
+
+
+def _may_be_another(head: Heading, named: bool) -> bool:
+    """Whether a heading may be that of a further clock: `Time.1`, `t2 [s]`, `time_b [s]`; where the clock was
+    known by its unit alone (not `named`), any in a unit of time.
+    """
+    timed, name = of_time(head.unit), head.name.strip()
+    if (match := NUMBERED.match(name)) and clock_name(match["name"]):
+        return timed or (not head.unit and match["name"] != "t")  # t1 and t2 may be temperatures
+    return timed and (not named or clock_name(re.split(r"[\s._-]", name)[0]))
 
 
 def check_twice(headings: Sequence[Heading], source: str) -> None:

@@ -20,15 +20,22 @@ SPELLINGS = {
     "minuten": "min", "h": "h", "hour": "h", "hours": "h", "hr": "h", "std": "h", "d": "d", "day": "d",
     "days": "d", "tage": "d", "°/sek": "deg/s", "grad": "deg", "grad/s": "deg/s", "m.s-2": "m/s2",
     "ms^-2": "m/s2", "rad.s-1": "rad/s", "deg/sec²": "deg/s2", "deg/sec^2": "deg/s2", "volt": "V",
-    "ampere": "A", "newton": "N", "meter": "m",
+    "ampere": "A", "newton": "N", "meter": "m", "°/sec": "deg/s", "degree/s": "deg/s", "degrees/s": "deg/s",
+    "r/min": "rpm", "tr/min": "rpm", "min-1": "rpm", "m/s/s": "m/s2", "m/sec2": "m/s2", "psi": "psi",
+    "kn/m2": "kPa",
 }  # fmt: skip
+# Signs that look like others or say the same: ² for 2, m^2 for m2, the ordinal sign º for a degree.
+SIGNS = str.maketrans(
+    {"²": "2", "³": "3", "^": "", "º": "°", "˚": "°", "⁻": "-", "¹": "1", "·": ".", "∙": "."}
+)
 # Units that other tools use and the project does not: factor to a unit of ours.  In the exact letters: mPa is
 # no MPa.
 OTHERS = {
-    "psi": (6894.757293168361, "Pa"), "psig": (6894.757293168361, "Pa"), "mbar": (100.0, "Pa"),
+    "psi": (6894.757293168361, "Pa"), "mbar": (100.0, "Pa"),
     "hPa": (100.0, "Pa"), "mPa": (1e-3, "Pa"), "GPa": (1e9, "Pa"), "atm": (101325.0, "Pa"),
     "kg/cm2": (98066.5, "Pa"), "kp/cm2": (98066.5, "Pa"), "kgf/cm2": (98066.5, "Pa"),
-    "kg/cm²": (98066.5, "Pa"), "kp/cm²": (98066.5, "Pa"), "g": (9.80665, "m/s2"), "cm": (0.01, "m"),
+    "kg/cm²": (98066.5, "Pa"), "kp/cm²": (98066.5, "Pa"), "N/mm2": (1e6, "Pa"), "N/m2": (1.0, "Pa"),
+    "mrad/s": (1e-3, "rad/s"), "g": (9.80665, "m/s2"), "cm": (0.01, "m"),
     "km": (1000.0, "m"), "in": (0.0254, "m"), "ft": (0.3048, "m"), "h": (3600.0, "s"), "d": (86400.0, "s"),
     "mrad": (1e-3, "rad"), "mA": (1e-3, "A"), "mV": (1e-3, "V"), "daN": (10.0, "N"),
     "lbf": (4.4482216152605, "N"),
@@ -43,6 +50,19 @@ def spelled(text: str) -> str:
 
     Capitals are overlooked only where they cannot mean another unit: mPa is not MPa, and gon is no degree.
     """
+    found = _spelled(text)
+    return found if found in UNITS or found in OTHERS else _other_signs(text, found)
+
+
+def _other_signs(text: str, found: str) -> str:
+    """A unit that is not known as it is spelled, in other signs and without the point of an abbreviation; the
+    text as it was `found` where that is none, either.
+    """
+    plain = _spelled(text.translate(SIGNS).rstrip(". "))
+    return plain if plain in UNITS or plain in OTHERS else found
+
+
+def _spelled(text: str) -> str:
     bare = "".join(text.split()).strip("[]()") if "s-" not in text else ".".join(text.split())
     if bare in UNITS:
         return bare
@@ -77,6 +97,16 @@ def of_time(text: str) -> bool:
     return name in TIMES
 
 
+def zone_s(text: str) -> int | None:
+    """How many s a zone such as UTC+2 or GMT is ahead of UTC; None for what is none."""
+    match = ZONE.match(text.strip())
+    if not match:
+        return None
+    ahead = 3600 * int(match["hours"] or 0) + 60 * int(match["minutes"] or 0)
+    return -ahead if match["sign"] == "-" else ahead
+
+
+ZONE = re.compile(r"^(?:UTC|GMT)\s*(?:(?P<sign>[+-])(?P<hours>\d{1,2}):?(?P<minutes>\d\d)?)?$", re.IGNORECASE)
 TIMES = ("s", "ms", "us", "ns", "min", "h", "d")
 
 

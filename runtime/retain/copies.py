@@ -96,7 +96,8 @@ class Copy:
 class Retained:
     """The retained values in `files`, for one `layout` (16 characters: what the values mean).
 
-    `copies` are the names of the two copies, `whole` those that are whole, newest first.
+    `copies` are the names of the two copies, `whole` those that are whole, newest first; `missing` is one
+    that must have been there, since values were saved more than once.
     """
 
     def __init__(self, files: Files, layout: str, copies: tuple[str, str] = COPIES) -> None:
@@ -106,6 +107,8 @@ class Retained:
         self._newest = self.whole[0] if self.whole else None
         there = [name for name in copies if files.read(name) is not None]
         self.damaged = tuple(name for name in there if name not in {c.name for c in found})
+        saved_often = self._newest is not None and self._newest.number > 1
+        self.missing = tuple(name for name in copies if saved_often and name not in there)
 
     def load(self) -> dict[str, Any]:
         """The values saved last, {} on the first start.

@@ -177,6 +177,16 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
         heads.append(own)
         head_units.append(spelled)
         channels[own] = (kept_t, kept_v)
+    if r.random() < 0.05 and kind in ("s", "ms", "us") and units_in != "none" and rows > 1:
+        per = {"s": 1, "ms": 1000, "us": 1_000_000}[kind]  # a channel with a clock of its own: to be refused
+        heads += [f"{name}.1", "late"]
+        head_units += [unit, ""]
+        for k, row in enumerate(cells):
+            row += [number(r, (times[k] + step / 2 + step * k) * per, decimal, group, 4, ""), str(k)]
+        channels["late"] = (
+            [float(step / 2 + 2 * step * k) for k in range(rows)],
+            [float(k) for k in range(rows)],
+        )
     if r.random() < 0.3:
         heads.append("note")
         head_units.append("")

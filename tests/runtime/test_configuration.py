@@ -302,3 +302,12 @@ def test_configuration_and_bundle_agree_on_a_policy_outside():
         _check_outside(without, built("outside"))
     with pytest.raises(InputError, match="has a controller of its own, pd"):
         _check_outside(with_role, built("pd"))
+
+
+@pytest.mark.parametrize(
+    "name", ["crane 7", "crane7:8080", "https://crane7", "*.example", "", "kran.müller", "-a"]
+)
+def test_a_name_that_no_browser_asks_for_is_refused(folder: Path, name: str):
+    with pytest.raises(InputError, match="is no name of a computer"):
+        configuration.read(written(folder, WHOLE + f'\n[hmi]\nnames = ["crane7.example", "{name}"]\n'))
+    assert configuration.read(written(folder, WHOLE + '\n[hmi]\nnames = ["Crane-7", "10.0.0.7"]\n')).hmi

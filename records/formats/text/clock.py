@@ -18,7 +18,7 @@ from records.formats.text.columns import array
 from records.formats.text.dates import FOURTEEN, NONE, Dates, written_as_date
 from records.formats.text.marks import Marks
 from records.formats.text.words import MISSING, NOT_A_NUMBER, is_number
-from records.formats.units import PER_SECOND, seconds, spelled
+from records.formats.units import PER_SECOND, of_time, seconds, spelled
 from specs.errors import InputError
 
 FORMS = {"dd/mm/yyyy": "dmy", "mm/dd/yyyy": "mdy", "yyyymmdd": "ymd", "hhmmss": "hms"}
@@ -28,9 +28,13 @@ DAYS = {  # what counts days: its number of 1970, and what it is called
     "excel": (25_569.0, "days as spreadsheets count them"),
     "matlab": (719_529.0, "days as MATLAB counts them"),
     "julian": (2_440_587.5, "Julian days"),
+    "wincc": (25_569.0, "millionths of days as WinCC counts them"),
 }
+PARTS = {"wincc": 1_000_000}  # of a day
 MOST_DAYS = 700_000  # from 1970 to the ends of a calendar
 CENTURY = 10_958, 47_482  # days since 1970 in which recordings begin: 2000 to 2100
+BEHIND = r"([-+\d.,]+(?:[eE][-+]?\d+)?)\s*([^\W\d_]+)"  # a number and a unit behind it
+PART_OF_DAY, SHORT = 0.01, 2.4e-5  # of a day: where a time of day may begin, and the longest step, 2 s
 EIGHT = r"(19|20)\d\d[01]\d[0-3]\d"  # a day as one number
 SLOWEST = 3600.0  # s between rows: more is no recording with times since 1970
 UNTIMED = "the time states no unit: taken as s"  # said where nothing else tells
@@ -45,11 +49,13 @@ class Clock:
     marks: Marks
     says_date: bool = False  # the heading's name does
     kind: str = ""
+    behind: str = ""  # unit that stands in each cell
     first: Decimal | None = None
     rows: int = 0  # room for so many, so that nothing has to be copied at the end
     filled: int = 0
     held: np.ndarray = field(default_factory=lambda: np.empty(0))
     dates: Dates = field(init=False)
+    ahead_s: int | None = None  # of UTC: the zone of its dates that a heading states
 
     def __post_init__(self) -> None:
         self.dates = Dates(self.where, FORMS.get(self.unit, ""))
@@ -65,6 +71,11 @@ class Clock:
             return
         if not self.kind:
             some = next(c.as_py() for c in cells if c.is_valid)
+            self._look_for_unit(some)
+        if self.behind:
+            cells = self._without_units(cells, numbers)
+            some = "0"
+        if not self.kind:
             self.kind = self._kind(some)
         self._keep(self._numbers(cells, numbers) if self.kind == "number" else self.dates.ns(cells, numbers))
 
@@ -76,6 +87,23 @@ class Clock:
             self.held, part = _days(self.held), _days(part)
         self.held[self.filled : self.filled + len(part)] = part
         self.filled += len(part)
+
+    def _look_for_unit(self, cell: str) -> None:
+        """Whether units stand in the cells, as MATLAB writes durations: `0.02 sec`."""
+        match = re.fullmatch(BEHIND, cell)
+        if match and not self.unit and of_time(match[2]) and self.marks.plain(match[1]) is not None:
+            self.behind = self.unit = match[2]
+
+    def _without_units(self, cells: pa.Array, numbers: Sequence[int]) -> pa.Array:
+        """The numbers of such cells; raises InputError with the line of one without that unit."""
+        there = pc.ends_with(cells, self.behind)  # type: ignore[attr-defined]
+        if not pc.all(there).as_py():  # type: ignore[attr-defined]
+            at = pc.index(there, False).as_py()  # type: ignore[attr-defined]
+            raise InputError(
+                f"{self.where}: line {numbers[at]}: '{cells[at]}' is not in '{self.behind}', as lines "
+                "before are"
+            )
+        return pc.replace_substring_regex(cells, rf"\s*{self.behind}$", "")  # type: ignore[attr-defined]
 
     def _kind(self, cell: str) -> str:
         eight = self.says_date and not self.unit and re.fullmatch(EIGHT, cell)
@@ -158,39 +186,50 @@ class Clock:
         if self.dates.of_day:
             notes.append("the times are times of day without a date: the start is not known")
             return time, None, first / 1e9
-        if not self.dates.zone:
+        if not self.dates.zone and self.ahead_s is None:
             notes.append("the times state no time zone: taken as UTC")
-        return time, at_ns(first), 0.0
+        ahead = 0 if self.dates.zone else self.ahead_s or 0
+        return time, at_ns(first - ahead * 10**9), 0.0
 
     def _of_numbers(self, found: np.ndarray, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
         first = float(self.first or 0)
         steps = np.diff(found[:10_000][np.isfinite(found[:10_000])])
         step = float(np.median(np.abs(steps))) if len(steps) else 0.0
         if self.unit in DAYS:
-            zero, called = DAYS[self.unit]
-            if not abs(first - zero) < MOST_DAYS:
+            (zero, called), parts = DAYS[self.unit], PARTS.get(self.unit, 1)
+            if not abs(first / parts - zero) < MOST_DAYS:
                 raise InputError(f"{self.where}: {self.first} is no number of {called}")
-            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - zero)
+            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first / parts - zero)
             notes.append("the times state no time zone: taken as UTC")
-            return found * 86_400.0, start, 0.0
+            return found * (86_400.0 / parts), start, 0.0
         if self.unit in FORMS:
             raise InputError(f"{self.where}: its cells are numbers, no dates as {self.unit}")
         unit = spelled(self.unit) if self.unit else ""
         per = PER_SECOND.get(unit, 0)
         if unit in PER_SECOND:
-            if YEAR_2001 * per < first < YEAR_2065 * per:
+            if _of_epoch(first, per):
                 notes.append(f"the times count {unit} since 1970: the recording starts at that time of day")
                 return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
+            self._check_size(first, unit, per)
         elif not unit:
             return self._without_unit(found, first, step, notes)
         base = float(np.asarray(seconds(np.array([first]), unit, self.where))[0])
         return np.asarray(seconds(found, unit, self.where)), None, base
 
+    def _check_size(self, first: float, unit: str, per: int) -> None:
+        """Refuse times whose unit cannot be the one that the file states."""
+        finer = next((u for u, p in PER_SECOND.items() if p > per and _of_epoch(first, p)), "")
+        if finer:
+            raise InputError(
+                f"{self.where}: times such as {self.first} are no {unit}: they have the size of {finer} "
+                f"since 1970; --clock 'NAME [{finer}]' says it"
+            )
+
     def _without_unit(
         self, found: np.ndarray, first: float, step: float, notes: list[str]
     ) -> tuple[np.ndarray, datetime | None, float]:
         for unit, per in PER_SECOND.items():
-            if YEAR_2001 * per < first < YEAR_2065 * per:
+            if _of_epoch(first, per):
                 if step / per > SLOWEST:
                     break
                 notes.append(f"the time states no unit: taken as {unit} since 1970, which its size says")
@@ -206,6 +245,11 @@ class Clock:
                 f"{self.where}: times such as {self.first} may be s, or {DAYS[kind][1]}; "
                 f"--clock 'NAME [{kind}]' or 'NAME [s]' says which"
             )
+        if PART_OF_DAY < first < 1 and 0 < step < SHORT:
+            raise InputError(
+                f"{self.where}: times such as {self.first} may be s, or parts of a day as spreadsheets count "
+                "them; --clock 'NAME [d]' or 'NAME [s]' says which"
+            )
         if form := written_as_date(found, first):
             raise InputError(
                 f"{self.where}: times such as {self.first} may be s, or all be {form}; --clock 'NAME "
@@ -213,6 +257,11 @@ class Clock:
             )
         notes.append(UNTIMED)
         return found, None, first
+
+
+def _of_epoch(first: float, per: int) -> bool:
+    """Whether a time counts from 1970 in parts of a second, `per` of them in one."""
+    return YEAR_2001 * per < first < YEAR_2065 * per
 
 
 def _days(held: np.ndarray) -> np.ndarray:

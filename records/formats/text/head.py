@@ -1,10 +1,12 @@
 """The first lines of a text file, from which its layout is found."""
 
-from records.formats.text.layout import HEAD_LINES, Line
+from records.formats.text.layout import DELIMITERS, HEAD_LINES, Line
 from records.formats.text.source import Source
+from records.formats.text.words import is_value
 from specs.errors import InputError
 
 HEAD_BYTES = 8 << 20
+LONGEST_CELL = 20  # lines of a cell in quotes
 
 
 def head_of(source: Source, skip: int) -> list[Line]:
@@ -27,11 +29,30 @@ def head_of(source: Source, skip: int) -> list[Line]:
 
 
 def _joined_quotes(lines: list[Line]) -> list[Line]:
-    """Lines with a cell in quotes that goes over their end joined."""
+    """Lines with a cell in quotes that goes over their end joined, where it ends within a few lines."""
     found: list[Line] = []
-    for line in lines:
-        if found and found[-1].text.count('"') % 2 and line.text.count('"') % 2:
-            found[-1].text += " " + line.text
-            continue
-        found.append(Line(line.number, line.text))
+    at = 0
+    while at < len(lines):
+        count = _until_closed(lines[at : at + LONGEST_CELL])
+        found.append(Line(lines[at].number, " ".join(line.text for line in lines[at : at + count])))
+        at += count
     return found
+
+
+def _until_closed(lines: list[Line]) -> int:
+    """How many lines the first one is with the rest of its cell: 1 where it has no open quote, or one that
+    stays open or would take in rows.
+    """
+    quotes = 0
+    for count, line in enumerate(lines, 1):
+        if count > 1 and _has_numbers(line.text):
+            return 1
+        quotes += line.text.count('"')
+        if quotes % 2 == 0:
+            return count
+    return 1
+
+
+def _has_numbers(text: str) -> bool:
+    """Whether a line looks like a row: cells of which one is a number or a date."""
+    return any(is_value(c.strip(' "')) for d in DELIMITERS if d in text for c in text.split(d))

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from records.formats.tables import Heading, clock_name
-from records.formats.units import is_unit, of_time
+from records.formats.units import is_unit, of_time, zone_s
 from specs.signals import signals
 
 LONGEST = 1000  # characters of a heading in which a unit is looked for
@@ -30,7 +30,14 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
     indexed = Counter(m["name"] for c in cells if (m := _match(SQUARE, c)) and m["unit"].isdigit())
     found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
-    return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
+    return [
+        Heading(c) if names[h.name] > 1 and not _is_clock(h) else h for h, c in zip(found, cells, strict=True)
+    ]
+
+
+def _is_clock(head: Heading) -> bool:
+    """Whether it is a clock's with its unit; several of them are told apart later."""
+    return clock_name(head.name) and of_time(head.unit)
 
 
 def _match(style: re.Pattern[str], cell: str) -> re.Match[str] | None:
@@ -49,11 +56,16 @@ def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
     if match := _match(ROUND, cell):
         name, unit = match["name"], match["unit"].strip()
         long = (len(unit) > 1 or not unit.isalnum()) and unit != "min"  # p(A), x(t) and p(min) are names
-        if (long and is_unit(unit)) or (clock_name(name) and of_time(unit)) or name in signals():
+        if (long and is_unit(unit)) or (clock_name(name) and _of_clock(unit)) or name in signals():
             return Heading(name, unit, cell)
     if style and (match := _match(style, cell)) and is_unit(match["unit"].strip("()[]")):
         return Heading(match["name"], match["unit"].strip("()[]"), cell)
     return Heading(cell)
+
+
+def _of_clock(unit: str) -> bool:
+    """Whether it may stand behind a clock's name: a unit of time, or the zone of its dates."""
+    return of_time(unit) or zone_s(unit) is not None
 
 
 def _square(cell: str, ours: bool) -> Heading | None:
@@ -64,6 +76,9 @@ def _square(cell: str, ours: bool) -> Heading | None:
     if not ours and unit.isdigit() and not match["blank"]:
         return None  # an index
     # A known signal with a strange unit is refused by name later, and a clock with one, too.
-    if ours or not unit or is_unit(unit) or name in signals() or (clock_name(name) and match["blank"]):
+    clock = clock_name(name) and (
+        match["blank"] or ":" in unit or zone_s(unit) is not None
+    )  # t[i] is an array
+    if ours or not unit or is_unit(unit) or name in signals() or clock:
         return Heading(name, unit, cell)
     return None

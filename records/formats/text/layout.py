@@ -21,6 +21,10 @@ COMMENTS = ("#", "%", "//")
 DELIMITERS = (";", "\t", "|", ",")
 BLANKS = "blanks"  # runs of them: only where nothing else separates
 HEAD_LINES = 120
+UNIT_LABELS = frozenset(
+    ["unit", "units", "einheit", "einheiten", "unité", "unités", "unidad", "unidades", "unità", "eenheid"]
+)
+FORM = re.compile(r"^(?=.*(?:h:m|yy))[dmyhsft:./ -]+$", re.IGNORECASE)  # how times are written, no m/s
 META_LINE = re.compile(r"^[#%/\s]*(?P<key>[^:]+):(?P<value>.*)$")
 
 
@@ -226,7 +230,9 @@ def _rows_begin(
     start = rows[0][0]
     for number, cells in between:
         if _is_units(cells, found, at, later):
-            units = [c.strip("[]()") for c in cells] + [""] * (len(names) - len(cells))
+            units = ["" if _is_label(c) else c.strip("[]()") for c in cells] + [""] * (
+                len(names) - len(cells)
+            )
             found.headings = [
                 Heading(h.name, h.unit or ("" if u == "-" else u), h.text)
                 for h, u in zip(found.headings, units, strict=False)
@@ -267,12 +273,22 @@ def _is_units(cells: Sequence[str], found: Layout, at: Sequence[int], later: Seq
         return False
     if all(c in ("", "-") for c in bare):
         return any(bare)
-    stated = [bare[i] for i in at if i < len(bare) and bare[i]]
+    stated = [bare[i] for i in at if i < len(bare) and bare[i] and not _is_label(bare[i])]
     if any(of_time(c) for c in stated):
         return True
-    if stated or (not at and of_time(bare[0])):
-        return not stated
+    if not stated and not at and of_time(bare[0]):
+        return True
+    if any(c.lower() in MISSING or not c.isalpha() for c in stated) or (stated and any(map(is_value, bare))):
+        return False  # a row without a time
     known = [i for i, c in enumerate(bare) if is_unit(c)]
     columns = {i: [r[i] for r in later if i < len(r)] for i in known}
     telling = [i for i, c in columns.items() if any(map(is_number, c)) and cells[i] not in c]
-    return bool(telling) and 2 * len(known) >= sum(bool(c) for c in bare)
+    filled = sum(bool(c) and not _is_label(c) for c in bare) - len(
+        stated
+    )  # a clock's unknown unit is refused
+    return bool(telling) and 2 * len(known) >= filled
+
+
+def _is_label(cell: str) -> bool:
+    """Whether a cell says that units stand beside it, or in which form the times are written: hh:mm:ss."""
+    return cell.strip("[]():. ").lower() in UNIT_LABELS or bool(FORM.match(cell.strip("[]()")))

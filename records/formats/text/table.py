@@ -1,7 +1,6 @@
 """Reads a text file: decide, then fill the columns block by block, then check the count of rows."""
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -12,19 +11,12 @@ import pyarrow as pa
 from pyarrow import csv
 
 from records.formats.csv_write import META
+from records.formats.long_form import check_long_form
 from records.formats.metadata import start_of
 from records.formats.raw import Group, Raw
-from records.formats.tables import (
-    DAY_NAMES,
-    Heading,
-    check_twice,
-    clock_name,
-    clock_unit,
-    is_clock,
-    one_clock,
-    stated_clock,
-)
-from records.formats.text.clock import EIGHT, FORMS, Clock
+from records.formats.tables import DAY_NAMES, Heading, check_twice, is_clock
+from records.formats.text.clock import Clock
+from records.formats.text.clock_column import DAY, clock_column
 from records.formats.text.columns import Column
 from records.formats.text.head import head_of
 from records.formats.text.layout import BLANKS, Line, cells_of, layout_of
@@ -35,12 +27,10 @@ from records.formats.text.options import TextOptions
 from records.formats.text.rows import Block, Rows
 from records.formats.text.source import Source, opened
 from records.formats.text.whole import keep_whole_numbers
-from records.formats.text.words import is_date, is_number, is_value
-from records.formats.units import of_time
+from records.formats.text.words import is_number, is_value
+from records.formats.units import zone_s
 from records.recording import first_line
 from specs.errors import InputError
-
-DAY = "day"
 
 
 class TextTable:
@@ -71,10 +61,11 @@ class TextTable:
         self.names = [str(i) for i in range(self.layout.width)]
         self.clocks, self.unit = self._clock(names)
         check_twice([h for i, h in enumerate(self.layout.headings) if h.name or i in self.clocks], str(path))
-        decimal = self.options.decimal or self.layout.meta.pop("lvm decimal", None)
+        stated = self.layout.meta.pop("lvm decimal", None)  # where LabVIEW groups no digits
+        decimal, thousands = options.decimal or stated, options.thousands or (stated and "none")
         self.marks = decide(
             self.rows.blocks, self.strings, [h.name for h in self.layout.headings], self.rows.delimiter,
-            decimal, options.thousands, str(path), options.missing,
+            decimal, thousands, str(path), options.missing,
         )  # fmt: skip
 
     def _trailing(self) -> None:
@@ -101,30 +92,10 @@ class TextTable:
 
     def _clock(self, names: Mapping[str, str]) -> tuple[list[int], str]:
         """Index of the clock's column (two for a day and a time of day) and its unit."""
-        heads, source = self.layout.headings, str(self.path)
         first, delimiter = self.layout.first, self.layout.delimiter
         sample = [cells_of(x.text, delimiter) for x in self.head if x.number >= first and x.text.strip()]
-        named = [i for i, h in enumerate(heads) if clock_name(h.name)]
-        if found := stated_clock(heads, names, self.options.clock, source):
-            at, unit = found[0], found[1] or heads[found[0]].unit or clock_unit(heads[found[0]].name)
-            held = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in {at, *named}}
-            pair = _day_and_time(held, heads) if unit in FORMS else None
-            return (pair, unit) if pair and at == pair[0] else ([at], unit)
-        if not named and of_time(heads[0].unit):
-            named = [0]
-            unit = heads[0].unit
-            called = heads[0].name or "the column without a name"
-            self.notes.append(f"{called}: taken as the time, its unit is {unit}")
-            heads[0] = Heading(heads[0].name or "time", unit, heads[0].text)
-        column = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in named}
-        if len(named) == 1:
-            return named, heads[named[0]].unit or clock_unit(heads[named[0]].name)
-        if pair := _day_and_time(column, heads):
-            return pair, DAY
-        changing = self._changing(named)
-        possible = [i for i in named if i in changing]
-        at = one_clock(heads, possible or named, source)
-        return [at], heads[at].unit or clock_unit(heads[at].name)
+        heads, source = self.layout.headings, str(self.path)
+        return clock_column(heads, sample, names, self.options.clock, self._changing, self.notes, source)
 
     def _changing(self, columns: Sequence[int]) -> set[int]:
         """Those of the columns that hold values which change somewhere in the file, or in its only row."""
@@ -168,9 +139,11 @@ class TextTable:
         """The table; raises InputError with the place of what cannot be read."""
         heads = self.layout.headings
         rows = max(self.source.lines - self.layout.first + 1, 0)
+        zones = [z for i in self.clocks if (z := zone_s(heads[i].unit)) is not None]
+        unit = "" if self.unit == DAY or zone_s(self.unit) is not None else self.unit
         clock = Clock(
-            f"{self.path}: {heads[self.clocks[0]].name}", "" if self.unit == DAY else self.unit, self.marks,
-            heads[self.clocks[0]].name.lower() in DAY_NAMES, rows=rows,
+            f"{self.path}: {heads[self.clocks[0]].name}", unit, self.marks,
+            heads[self.clocks[0]].name.lower() in DAY_NAMES, rows=rows, ahead_s=next(iter(zones), None),
         )  # fmt: skip
         columns = {i: Column(h, np.empty(rows)) for i, h in enumerate(heads) if i not in self.clocks}
         at, numbers = 0, []
@@ -250,6 +223,8 @@ class TextTable:
                 raise InputError(f"{self.path}: column {i + 1} has no name")
             if column.head.name and (found := column.result(rows, str(self.path), self.notes)) is not None:
                 made.append(found)
+        texts = [(c.head.name, list(c.words)) for c in columns.values() if c.words]
+        check_long_form(texts, [c.name for c in made], str(self.path))
         meta = _meta(self.layout.meta)
         place = numbers[0] if len(numbers) == 1 else _joined(numbers)
         group = Group("", time, made, "line", place, offset)  # type: ignore[arg-type]
@@ -287,24 +262,6 @@ def read_text(path: Path, names: Mapping[str, str], options: TextOptions) -> Raw
     if is_lvm(head) and not has_one_table(head):
         return read_segments(source, options, notes)
     return TextTable(source, head, names, options, notes).read()
-
-
-def _day_and_time(columns: Mapping[int, list[str]], heads: Sequence[Heading]) -> list[int] | None:
-    """A column of days and one of times of day, in this order, where there are just these two."""
-    if len(columns) != 2 or not all(columns.values()):
-        return None
-    eight = [
-        i for i, cells in columns.items()
-        if heads[i].name.lower() in DAY_NAMES and all(re.fullmatch(EIGHT, c) for c in cells)
-    ]  # fmt: skip
-    clock = [
-        i
-        for i, cells in columns.items()
-        if all(":" in c and is_date(c) and len(c) < 20 and "-" not in c for c in cells)
-        or (eight and all(re.fullmatch(r"\d{6}([.,]\d+)?", c) for c in cells))
-    ]
-    days = [i for i, cells in columns.items() if all(is_date(c) and ":" not in c for c in cells)] or eight
-    return [*days, *clock] if len(clock) == 1 == len(days) else None
 
 
 def _joined(numbers: Sequence[Sequence[int]]) -> Any:

@@ -13,6 +13,7 @@ from deployment.faults.drive import Drive
 from deployment.faults.fmu_table import FMU
 from deployment.faults.injected import Disturbance
 from deployment.faults.outside_table import NAMES
+from deployment.faults.people_table import FILES
 from deployment.faults.process_faults import Recorded
 from deployment.faults.run import faults, run
 from deployment.faults.table import BUS, IMAGE, INSIDE, Fault, Outcome
@@ -24,7 +25,7 @@ from tests.conftest import Command
 from tests.runtime.bundles import built
 
 TICKS = 700
-LOCKSTEP = [f.name for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN) if f.level != "process"]
+LOCKSTEP = [f.name for f in (*BUS, *IMAGE, *INSIDE, *FILES, *CANOPEN) if f.level != "process"]
 
 
 def quiet(what: str, done: float | None = None, total: float | None = None) -> None:

@@ -51,6 +51,17 @@ def test_a_date_in_any_form_is_the_same_time(read, form):
     assert found.start == BEGIN
 
 
+@pytest.mark.parametrize(("head", "ahead"), [
+    ("Time (UTC)", 0), ("Timestamp [UTC+2]", 2), ("Time[UTC-05:30]", -5.5), ("Time (GMT+0100)", 1),
+])  # fmt: skip
+def test_a_zone_in_the_heading(read, head, ahead):
+    cells = [f"{BEGIN + k * STEP:%Y-%m-%d %H:%M:%S.%f}" for k in range(6)]
+    found = read(cells, head=head)
+    assert found.start == BEGIN - timedelta(hours=ahead)
+    assert not any("no time zone" in r for r in found.repairs)
+    assert read([c + "Z" for c in cells], head=head).start == BEGIN  # each time's own zone counts
+
+
 @pytest.mark.parametrize("form", LASTING)
 def test_what_lasts_longer_than_a_day(read, form):
     found = read([LASTING[form](26 * 3600 + 59.0 + 0.5 * k) for k in range(6)])

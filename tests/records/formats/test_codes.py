@@ -10,9 +10,9 @@ from records.formats.codes import means_no_value, of_states
 def read(tmp_path):
     """Read raw numbers of one signal on CAN, with its value table."""
 
-    def reader(place: str, raws, table: str = "", more: str = ""):
+    def reader(place: str, raws, table: str = "", more: str = "", unit: str = ""):
         dbc, path = tmp_path / "r.dbc", tmp_path / "r.log"
-        message = f'BO_ 256 M: 8 A\n SG_ s : {place} [0|0] "" A\n'
+        message = f'BO_ 256 M: 8 A\n SG_ s : {place} [0|0] "{unit}" A\n'
         dbc.write_text(f'VERSION ""\nNS_ :\nBS_:\nBU_: A\n{message}{more}\nVAL_ 256 s {table} ;\n')
         frames = [(raw & (2**64 - 1)).to_bytes(8, "little").hex() for raw in raws]
         path.write_text("".join(f"({0.5 * k:.6f}) can0 100#{d}\n" for k, d in enumerate(frames)))
@@ -34,6 +34,23 @@ def read(tmp_path):
 )
 def test_codes_are_no_samples_and_states_are(read, place, table, raws, values):
     assert read(place, raws, table)["s"].values.tolist() == pytest.approx(values)
+
+
+@pytest.mark.parametrize("word", [
+    "SignalNotAvailable", "SNV", "not supported", "non disponible", "Nicht definiert: undefiniert", "无效",
+    "Timeout", "Implausible", "Open circuit", "Short to ground", "Out of range", "SignalFailure",
+])  # fmt: skip
+def test_words_for_no_value(read, word):
+    assert read("0|16@1+ (0.1,0)", [5, 65535], f'65535 "{word}"')["s"].values.tolist() == [0.5]
+
+
+@pytest.mark.parametrize(("place", "unit", "said"), [
+    ("0|16@1+ (0.1,0)", "", True), ("0|16@1+ (1,0)", "bar", True), ("0|16@1+ (1,0)", "", False),
+])  # fmt: skip
+def test_numbers_of_a_quantity_that_have_a_name_are_kept_and_said(read, place, unit, said):
+    found = read(place, [5, 65535, 6, 65535], '65535 "Init" 7 "Warm"', unit=unit)
+    assert len(found["s"].values) == 4
+    assert any("the DBC names are kept as values, 2 times: 65535 'Init'" in r for r in found.repairs) is said
 
 
 def test_a_code_of_a_float_is_its_number(read):

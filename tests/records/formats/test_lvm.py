@@ -32,6 +32,12 @@ def table(rows: str, names: str = ONE, time: str = "10:00:00.5", x0: str = "0", 
     return TABLE.format(time=time, x0=x0, d=d) + names + rows
 
 
+def test_labview_groups_no_digits(tmp_path: Path):
+    whole = lvm(tmp_path, table("0,00\t1,5\t2\t\n0,02\t3.500\t3\t\n", d=","), decimal=",", multi="No")
+    with pytest.raises(InputError, match=r"p is '3\.500', not a number"):
+        read_measurement(whole)
+
+
 def test_several_tables_are_one_recording_each_from_its_own_start(tmp_path: Path):
     path = lvm(
         tmp_path,

@@ -51,6 +51,15 @@ def test_files_of_other_versions(tmp_path, version):
     assert found["q_slew"].unit == "rad"
 
 
+@pytest.mark.parametrize(("unit", "said"), [("bar", True), ("", False)])
+def test_numbers_of_a_quantity_that_have_a_name_are_kept_and_said(tmp_path, unit, said):
+    texts = {"val_0": 199, "text_0": "Init", "val_1": 65535, "text_1": "SNA", "default": b""}
+    signal = Signal(np.arange(200, dtype=np.uint16), TIME, unit=unit, name="p", conversion=texts)
+    found = read_measurement(save(tmp_path / "r.mf4", [signal]))
+    assert len(found["p"].values) == 200
+    assert any("names are kept as values, 1 times: 'Init'" in r for r in found.repairs) is said
+
+
 def test_conversions_are_applied_and_enumerations_stay_numbers(tmp_path):
     raw = np.arange(200, dtype=np.uint16)
     linear = Signal(raw, TIME, unit="bar", name="p_slew_a", conversion={"a": 0.5, "b": -10.0})

@@ -97,3 +97,16 @@ def test_a_damaged_copy_alone_is_no_first_start(tmp_path: Path):
     only.write_bytes(only.read_bytes()[:-1])
     with pytest.raises(InputError, match=f"{tmp_path}: {COPIES[0]} damaged"):
         Retained(Folder(tmp_path), LAYOUT).load()
+
+
+def test_a_copy_that_must_have_been_there_is_missed(tmp_path: Path):
+    kept = Retained(Folder(tmp_path), LAYOUT)
+    assert kept.missing == ()
+    kept.save({"fault_code": 0})
+    assert Retained(Folder(tmp_path), LAYOUT).missing == ()  # there was one only
+    kept.save({"fault_code": 0})
+    kept.save({"fault_code": 3})
+    (tmp_path / COPIES[0]).unlink()
+    again = Retained(Folder(tmp_path), LAYOUT)
+    assert again.missing == (COPIES[0],)
+    assert again.load() == {"fault_code": 0}

@@ -1,0 +1,105 @@
+"""Tables of several clocks, or of several channels in one column; clocks of another unit than it seems."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from records.formats import read_measurement
+from records.formats.text import TextOptions
+from specs.errors import InputError
+
+PAIRS = (
+    "Time,a,Time.1,b", "Time,a,Time_2,b", "X_Value,a,X_Value 1,b", "t1 [s],a,t2 [s],b",
+    "time_a [s],a,time_b [s],b", "time [s],a,time_b [ms],b", "Time (s),a,Time (s),b", "time(ms),a,time(s),b",
+)  # fmt: skip
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Write text to a file and read it as a recording."""
+
+    def reader(text: str, **options):
+        (tmp_path / "r.csv").write_text(text, "utf-8")
+        return read_measurement(tmp_path / "r.csv", text=TextOptions(**options))
+
+    return reader
+
+
+@pytest.mark.parametrize("head", PAIRS)
+def test_a_further_clock_is_not_read_as_a_channel_beside_values_of_another_time(read, head):
+    with pytest.raises(InputError, match=r"2 columns may be the time: .*--clock NAME says"):
+        read(f"{head}\n0,1,0,5\n1,2,0.5,6\n2,3,1.0,7\n")
+    with pytest.raises(InputError, match="2 columns may be the time"):
+        read(f"{head}\n2,3,1.0,7\n1,2,0.5,6\n0,1,0,5\n")  # newest first
+
+
+@pytest.mark.parametrize("head", ["time [s],t1,t2", "time [s],T1 [degC],T2 [degC]", "time,time_step [s],p",
+                                  "time,cycle_time [ms],p"])  # fmt: skip
+def test_what_is_called_like_a_clock_and_is_none(read, head):
+    found = read(f"{head}\n0,1,7\n1,1,8\n2,1,9\n")
+    assert len(found.channels) == 2
+
+
+def test_a_further_clock_beside_the_one_that_is_stated(read):
+    found = read("Time,a,Time.1,b\n0,1,0,5\n1,2,0.5,6\n", clock="Time [s]")
+    assert found["b"].time.tolist() == [0, 1]
+
+
+def test_a_further_clock_in_parquet(tmp_path):
+    columns = {"Time": [0.0, 1.0], "a": [1.0, 2.0], "Time.1": [0.0, 0.5], "b": [1.0, 2.0]}
+    pq.write_table(pa.table(columns), tmp_path / "r.parquet")
+    with pytest.raises(InputError, match=r"2 columns may be the time: Time, Time.1"):
+        read_measurement(tmp_path / "r.parquet")
+
+
+@pytest.mark.parametrize("head", ["time,signal,value", "time,Tag,Value", "time,channel_name,_value"])
+def test_channels_of_a_long_table_are_not_one_channel(read, tmp_path, head):
+    with pytest.raises(InputError, match=r"names what the numbers in .* are, row by row \(p, q\)"):
+        read(f"{head}\n0,p,1\n0.5,q,2\n1,p,3\n1.5,q,4\n")
+    names = head.split(",")
+    table = pa.table(dict(zip(names, ([0.0, 0.5], ["p", "q"], [1.0, 2.0]), strict=True)))
+    pq.write_table(table, tmp_path / "r.parquet")
+    with pytest.raises(InputError, match="row by row"):
+        read_measurement(tmp_path / "r.parquet")
+
+
+def test_one_channel_of_a_long_table_is_one(read):
+    assert read("time,signal,value\n0,p,1\n0.5,p,2\n")["value"].values.tolist() == [1, 2]
+
+
+def test_a_log_of_wincc_counts_millionths_of_days(read):
+    begin = datetime(2026, 3, 29, 1, 59, 59, tzinfo=UTC)
+    days = [(begin + timedelta(seconds=k)).timestamp() / 86_400 + 25_569 for k in range(4)]
+    rows = [f"p;29.03.2026 01:59:59;{k},5;1;{1e6 * d:.4f}".replace(".", ",", 0) for k, d in enumerate(days)]
+    rows = [";".join(c if i == 1 else c.replace(".", ",") for i, c in enumerate(r.split(";"))) for r in rows]
+    text = "\n".join(["VarName;TimeString;VarValue;Validity;Time_ms", *rows, "$RT_COUNT$;4;;;", ""])
+    found = read(text)
+    np.testing.assert_allclose(found["VarValue"].time, np.arange(4), atol=1e-4)
+    assert abs(found.start - begin) < timedelta(milliseconds=1)
+
+
+@pytest.mark.parametrize(("unit", "cells", "said"), [
+    ("[s]", ("1774000000123", "1774000000143"), r"no s: .* size of ms since 1970; --clock 'NAME \[ms\]'"),
+    ("[ms]", ("1774000000123456", "1774000000143456"), "no ms: they have the size of us"),
+    ("", ("0.083333", "0.083334"), r"may be s, or parts of a day .*--clock 'NAME \[d\]'"),
+])  # fmt: skip
+def test_numbers_of_a_size_that_is_not_of_their_unit(read, unit, cells, said):
+    with pytest.raises(InputError, match=said):
+        read(f"time {unit},p\n{cells[0]},1\n{cells[1]},2\n")
+
+
+def test_units_behind_the_numbers_of_the_clock(read):
+    assert read("Time;p\n0 sec;1\n0,02 sec;2,5\n")["p"].time.tolist() == [0, 0.02]
+    assert read("Time,p\n0 min,1\n,2\n2 min,3\n")["p"].time.tolist() == [0, 120]
+    with pytest.raises(InputError, match="line 3: '20 ms' is not in 'sec', as lines before are"):
+        read("Time;p\n0 sec;1\n20 ms;2\n")
+
+
+def test_stamps_that_whole_nanoseconds_do_not_hold(tmp_path):
+    times = pa.array([datetime(1600, 1, 1), datetime(1600, 1, 2)], pa.timestamp("us"))
+    pq.write_table(pa.table({"time": times, "p": [1.0, 2.0]}), tmp_path / "r.parquet")
+    with pytest.raises(InputError, match="about the year 1600 to 1600; those before 1678"):
+        read_measurement(tmp_path / "r.parquet")
