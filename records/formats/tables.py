@@ -155,16 +155,32 @@ def _several(headings: Sequence[Heading], possible: Sequence[int], source: str) 
     )
 
 
+def other_clocks(headings: Sequence[Heading], at: int, rises: Callable[[int], bool]) -> list[int]:
+    """Columns beside the clock that rise as times do, and are called so: the time of some of the others."""
+    named = clock_name(headings[at].name)
+    return [i for i, h in enumerate(headings) if i != at and _may_be_another(h, named) and rises(i)]
+
+
 def check_other_clocks(
     headings: Sequence[Heading], at: int, rises: Callable[[int], bool], source: str
 ) -> None:
-    """Raise InputError where columns that rise as times do, and are called so, stand beside the clock: they
-    are the time of some of the others.
-    """
-    named = clock_name(headings[at].name)
-    others = [i for i, h in enumerate(headings) if i != at and _may_be_another(h, named) and rises(i)]
-    if others:
+    """Raise InputError where there are such columns."""
+    if others := other_clocks(headings, at, rises):
         raise _several(headings, sorted([at, *others]), source)
+
+
+def own_clocks(headings: Sequence[Heading], clocks: Sequence[int]) -> list[range] | None:
+    """Columns that each of some clocks times: those behind it, up to the next one.
+
+    None where that is not plain: the first column is none of them, there is nothing behind one, or they are
+    not of one name but for a number (`Time`, `Time.1`).
+    """
+    ends = [*clocks[1:], len(headings)]
+    found = [range(a + 1, b) for a, b in zip(clocks, ends, strict=True)]
+    names = {
+        (m["name"] if (m := NUMBERED.match(n)) else n).lower() for n in (headings[i].name for i in clocks)
+    }
+    return found if clocks[0] == 0 and all(found) and len(names) == 1 else None
 
 
 def _may_be_another(head: Heading, named: bool) -> bool:

@@ -1,9 +1,10 @@
 """Which column of a table in text is its clock: the one stated, the one named so, or the first one in a unit
-of time.
+of time; or which ones are, where each times the columns behind it.
 """
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 from records.formats.tables import (
@@ -13,6 +14,8 @@ from records.formats.tables import (
     clock_name,
     clock_unit,
     one_clock,
+    other_clocks,
+    own_clocks,
     stated_clock,
 )
 from records.formats.text.clock import EIGHT, FORMS
@@ -25,7 +28,16 @@ DAY = "day"  # unit of a day and a time of day in two columns
 Cells = Mapping[int, list[str]]
 
 
-def clock_column(
+@dataclass(frozen=True)
+class Timed:
+    """Columns [i] on one clock: `at` is its column, or two for a day and a time of day; `unit` its unit."""
+
+    at: Sequence[int]
+    unit: str
+    columns: Sequence[int]
+
+
+def clock_columns(
     heads: list[Heading],
     rows: Sequence[Sequence[str]],
     names: Mapping[str, str],
@@ -33,15 +45,44 @@ def clock_column(
     changing: Callable[[Sequence[int]], set[int]],
     notes: list[str],
     source: str,
-) -> tuple[list[int], str]:
-    """Index of the clock's column (two for a day and a time of day) and its unit.
+) -> list[Timed]:
+    """The clocks of a table with the columns that each of them times: one, or one for each few columns.
 
     `rows` are the cells of the first rows; `changing` gives those of some columns whose values change.
     """
     held = {i: [r[i] for r in rows if i < len(r) and r[i]] for i in range(len(heads))}
     named = [i for i, h in enumerate(heads) if clock_name(h.name)]
-    if found := stated_clock(heads, names, clock, source):
-        return _stated(found, held, heads, named)
+    stated = stated_clock(heads, names, clock, source)
+    if not stated and (several := _several_clocks(heads, held, named)):
+        notes.append(f"{len(several)} columns are times, each of the columns behind it")
+        return several
+    if stated:
+        at, unit = _stated(stated, held, heads, named)
+    else:
+        at, unit = _found(heads, held, named, changing, notes, source)
+    return [Timed(at, unit, [i for i in range(len(heads)) if i not in at])]
+
+
+def _several_clocks(heads: Sequence[Heading], held: Cells, named: Sequence[int]) -> list[Timed]:
+    """Clocks of one name but for a number, each before the columns that it times; none where there is one."""
+    first = [0] if 0 in named or (not named and of_time(heads[0].unit)) else []
+    others = [j for i in first for j in other_clocks(heads, i, lambda j: _rises(held[j]))]
+    clocks = sorted({*first, *others, *(i for i in named if _rises(held[i]))})
+    if len(clocks) < 2 or not (own := own_clocks(heads, clocks)):
+        return []
+    units = [heads[i].unit or clock_unit(heads[i].name) for i in clocks]
+    return [Timed([i], unit, columns) for i, unit, columns in zip(clocks, units, own, strict=True)]
+
+
+def _found(
+    heads: list[Heading],
+    held: Cells,
+    named: Sequence[int],
+    changing: Callable[[Sequence[int]], set[int]],
+    notes: list[str],
+    source: str,
+) -> tuple[list[int], str]:
+    """The clock's column that the headings tell, and its unit."""
     if not named and of_time(heads[0].unit):
         at = _by_unit(heads, notes)
     elif len(named) == 1:

@@ -13,10 +13,11 @@ from pyarrow import csv
 from records.formats.csv_write import META
 from records.formats.long_form import check_long_form
 from records.formats.metadata import start_of
-from records.formats.raw import Group, Raw
-from records.formats.tables import DAY_NAMES, Heading, check_twice, is_clock
+from records.formats.raw import Group, Raw, RawColumn
+from records.formats.tables import Heading, check_twice, is_clock
 from records.formats.text.clock import Clock
-from records.formats.text.clock_column import DAY, clock_column
+from records.formats.text.clock_column import Timed, clock_columns
+from records.formats.text.clocks import called, cells_of_clock, clock_of, on_one_scale, without_empty_rows
 from records.formats.text.columns import Column
 from records.formats.text.head import head_of
 from records.formats.text.layout import BLANKS, Line, cells_of, layout_of
@@ -28,7 +29,6 @@ from records.formats.text.rows import Block, Rows
 from records.formats.text.source import Source, opened
 from records.formats.text.whole import keep_whole_numbers
 from records.formats.text.words import is_number, is_value
-from records.formats.units import zone_s
 from records.recording import first_line
 from specs.errors import InputError
 
@@ -59,8 +59,14 @@ class TextTable:
         self.notes += self.layout.notes
         self.rows = Rows(self.source, self.layout)
         self.names = [str(i) for i in range(self.layout.width)]
-        self.clocks, self.unit = self._clock(names)
-        check_twice([h for i, h in enumerate(self.layout.headings) if h.name or i in self.clocks], str(path))
+        self.timed = self._clocks(names)
+        self.clocks = [i for t in self.timed for i in t.at]
+        one = len(self.timed) == 1  # several may be called alike
+        heads = enumerate(self.layout.headings)
+        check_twice(
+            [h for i, h in heads if (one and i in self.clocks) or (h.name and i not in self.clocks)],
+            str(path),
+        )
         stated = self.layout.meta.pop("lvm decimal", None)  # where LabVIEW groups no digits
         decimal, thousands = options.decimal or stated, options.thousands or (stated and "none")
         self.marks = decide(
@@ -90,12 +96,12 @@ class TextTable:
             layout.headings.pop()
         layout.width = len(layout.headings)
 
-    def _clock(self, names: Mapping[str, str]) -> tuple[list[int], str]:
-        """Index of the clock's column (two for a day and a time of day) and its unit."""
+    def _clocks(self, names: Mapping[str, str]) -> list[Timed]:
+        """The columns that are clocks, and what each of them times."""
         first, delimiter = self.layout.first, self.layout.delimiter
         sample = [cells_of(x.text, delimiter) for x in self.head if x.number >= first and x.text.strip()]
         heads, source = self.layout.headings, str(self.path)
-        return clock_column(heads, sample, names, self.options.clock, self._changing, self.notes, source)
+        return clock_columns(heads, sample, names, self.options.clock, self._changing, self.notes, source)
 
     def _changing(self, columns: Sequence[int]) -> set[int]:
         """Those of the columns that hold values which change somewhere in the file, or in its only row."""
@@ -139,12 +145,7 @@ class TextTable:
         """The table; raises InputError with the place of what cannot be read."""
         heads = self.layout.headings
         rows = max(self.source.lines - self.layout.first + 1, 0)
-        zones = [z for i in self.clocks if (z := zone_s(heads[i].unit)) is not None]
-        unit = "" if self.unit == DAY or zone_s(self.unit) is not None else self.unit
-        clock = Clock(
-            f"{self.path}: {heads[self.clocks[0]].name}", unit, self.marks,
-            heads[self.clocks[0]].name.lower() in DAY_NAMES, rows=rows, ahead_s=next(iter(zones), None),
-        )  # fmt: skip
+        clocks = [clock_of(t, heads, self.marks, str(self.path), rows) for t in self.timed]
         columns = {i: Column(h, np.empty(rows)) for i, h in enumerate(heads) if i not in self.clocks}
         at, numbers = 0, []
         for block in self.rows.blocks():
@@ -155,7 +156,8 @@ class TextTable:
                     f"{table.num_rows} rows; "
                     "a quote is open, or a cell holds the end of a line"
                 )
-            clock.add(self._clock_cells(table), block.numbers)
+            for timed, clock in zip(self.timed, clocks, strict=True):
+                clock.add(cells_of_clock(table, timed), block.numbers)
             for i, column in columns.items():
                 column.put(at, table.column(i), block.numbers, self.marks, frozenset(self.options.missing))
             at += table.num_rows
@@ -163,13 +165,7 @@ class TextTable:
         self._count(at)
         keep_whole_numbers(self.rows.blocks, self.strings, columns, self.marks, at)
         pa.default_memory_pool().release_unused()  # what the blocks needed
-        return self._raw(clock, columns, at, numbers)
-
-    def _clock_cells(self, table: pa.Table) -> pa.ChunkedArray:
-        import pyarrow.compute as pc
-
-        cells = [table.column(i) for i in self.clocks]
-        return cells[0] if len(cells) == 1 else pc.binary_join_element_wise(*cells, " ")  # type: ignore[attr-defined]
+        return self._raw(clocks, columns, at, numbers)
 
     def _typed(self, block: Block, columns: Mapping[int, Column]) -> pa.Table:
         """Numbers where a column had only such, else text."""
@@ -214,21 +210,34 @@ class TextTable:
             )
 
     def _raw(
-        self, clock: Clock, columns: Mapping[int, Column], rows: int, numbers: Sequence[Sequence[int]]
+        self,
+        clocks: Sequence[Clock],
+        columns: Mapping[int, Column],
+        rows: int,
+        numbers: Sequence[Sequence[int]],
     ) -> Raw:
-        time, start, offset = clock.result(self.notes)
-        made = []
-        for i, column in columns.items():
-            if not column.head.name and not self._may_lack_a_name(column, rows):
-                raise InputError(f"{self.path}: column {i + 1} has no name")
-            if column.head.name and (found := column.result(rows, str(self.path), self.notes)) is not None:
-                made.append(found)
+        times = on_one_scale(clocks, self.notes, str(self.path))
+        made = {i: c for i, column in columns.items() if (c := self._column(i, column, rows)) is not None}
         texts = [(c.head.name, list(c.words)) for c in columns.values() if c.words]
-        check_long_form(texts, [c.name for c in made], str(self.path))
+        check_long_form(texts, [c.name for c in made.values()], str(self.path))
         meta = _meta(self.layout.meta)
         place = numbers[0] if len(numbers) == 1 else _joined(numbers)
-        group = Group("", time, made, "line", place, offset)  # type: ignore[arg-type]
-        return Raw([group], start or start_of(meta), meta, self.notes, offset, self._said())
+        groups, start, offset = [], None, 0.0
+        for timed, (time, begin, ahead) in zip(self.timed, times, strict=True):
+            own = [made[i] for i in timed.columns if i in made]
+            groups.append(Group("", time, own, "line", place, ahead))  # type: ignore[arg-type]
+            start, offset = begin, ahead
+        if len(groups) > 1:
+            groups = [without_empty_rows(g) for g in groups]
+        return Raw(groups, start or start_of(meta), meta, self.notes, offset, self._said())
+
+    def _column(self, i: int, column: Column, rows: int) -> RawColumn | None:
+        """A column's samples; None where it has none, or only counts the rows."""
+        if column.head.name:
+            return column.result(rows, str(self.path), self.notes)
+        if not self._may_lack_a_name(column, rows):
+            raise InputError(f"{self.path}: column {i + 1} has no name")
+        return None
 
     def _may_lack_a_name(self, column: Column, rows: int) -> bool:
         """Whether a column without a name is empty, or counts the rows."""
@@ -244,13 +253,12 @@ class TextTable:
     def _said(self) -> tuple[str, ...]:
         """What was decided about the file."""
         mark = {"\t": "tabs", BLANKS: "blanks"}.get(self.layout.delimiter, f"'{self.layout.delimiter}'")
-        clock = " and ".join(self.layout.headings[i].name for i in self.clocks)
-        unit = f" [{self.unit}]" if self.unit and self.unit != DAY else ""
+        clock = ", ".join(called(t, self.layout.headings) for t in self.timed)
         groups = f", '{self.marks.thousands}' groups digits" if self.marks.thousands else ""
         return (
             f"{self.source.encoding}, cells between {mark}, decimal mark '{self.marks.decimal}'{groups}, "
             f"header in line "
-            f"{self.layout.header}, rows from line {self.layout.first} on, time in column {clock}{unit}",
+            f"{self.layout.header}, rows from line {self.layout.first} on, time in column {clock}",
         )
 
 

@@ -13,7 +13,11 @@ from specs.errors import InputError
 
 PAIRS = (
     "Time,a,Time.1,b", "Time,a,Time_2,b", "X_Value,a,X_Value 1,b", "t1 [s],a,t2 [s],b",
-    "time_a [s],a,time_b [s],b", "time [s],a,time_b [ms],b", "Time (s),a,Time (s),b", "time(ms),a,time(s),b",
+    "Time (s),a,Time (s),b",
+)  # fmt: skip
+UNCLEAR = (
+    "time_a [s],a,time_b [s],b", "time [s],a,time_b [ms],b", "Time,Time.1,a,b",
+    "Time,a,b,Time.1", "a,Time,b,Time.1",
 )  # fmt: skip
 
 
@@ -28,12 +32,45 @@ def read(tmp_path):
     return reader
 
 
-@pytest.mark.parametrize("head", PAIRS)
+@pytest.mark.parametrize("head", UNCLEAR)
 def test_a_further_clock_is_not_read_as_a_channel_beside_values_of_another_time(read, head):
     with pytest.raises(InputError, match=r"2 columns may be the time: .*--clock NAME says"):
         read(f"{head}\n0,1,0,5\n1,2,0.5,6\n2,3,1.0,7\n")
     with pytest.raises(InputError, match="2 columns may be the time"):
         read(f"{head}\n2,3,1.0,7\n1,2,0.5,6\n0,1,0,5\n")  # newest first
+
+
+@pytest.mark.parametrize("rows", [["5,1,5.25,4", "6,2,5.75,5", "7,3,6,6", "8,4,,"],
+                                  ["8,4,,", "7,3,6,6", "6,2,5.75,5", "5,1,5.25,4"]])  # fmt: skip
+@pytest.mark.parametrize("head", PAIRS)
+def test_each_clock_times_the_columns_behind_it(read, head, rows):
+    found = read("\n".join([head, *rows, ""]))
+    a, b = found["a"], found["b"]
+    assert (a.time.tolist(), a.values.tolist()) == ([0, 1, 2, 3], [1, 2, 3, 4])
+    assert (b.time.tolist(), b.values.tolist()) == ([0.25, 0.75, 1], [4, 5, 6])
+    assert not any("without a time" in said for said in found.repairs)
+
+
+def test_clocks_have_units_of_their_own(read):
+    found = read("time(ms),a,time(s),b,c\n500,1,0.75,4,7\n600,2,1.75,5,8\n")
+    np.testing.assert_allclose(found["a"].time, [0, 0.1])
+    np.testing.assert_allclose(found["c"].time, [0.25, 1.25])
+
+
+def test_clocks_that_are_dates_count_from_the_first_of_them(read):
+    day = "2026-03-29 "
+    found = read(f"Time,a,Time.1,b\n{day}00:00:02,1,{day}00:00:01,4\n{day}00:00:03,2,{day}00:00:02,5\n")
+    assert found.start == datetime(2026, 3, 29, 0, 0, 1, tzinfo=UTC)
+    assert found["a"].time.tolist() == [1, 2]
+    assert found["b"].time.tolist() == [0, 1]
+    with pytest.raises(InputError, match="some of its clocks are dates and others are not"):
+        read(f"Time,a,Time.1,b\n{day}00:00:02,1,0,4\n{day}00:00:03,2,1,5\n")
+
+
+def test_a_value_without_a_time_of_its_own_clock_is_said(read):
+    found = read("Time,a,Time.1,b\n0,1,0,4\n1,2,0.5,5\n2,3,,6\n")
+    assert found["b"].values.tolist() == [4, 5]
+    assert any("dropped 1 line without a time" in said for said in found.repairs)
 
 
 @pytest.mark.parametrize("head", ["time [s],t1,t2", "time [s],T1 [degC],T2 [degC]", "time,time_step [s],p",
