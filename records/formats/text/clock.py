@@ -179,6 +179,7 @@ class Clock:
         found = self.held[: self.filled]
         if self.kind in ("", "number"):
             return self._of_numbers(found, notes)
+        notes += [self.dates.told] if self.dates.told else []
         found = _days(found)
         there = found != NONE
         first = int(found[there][0]) if there.any() else 0

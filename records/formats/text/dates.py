@@ -37,6 +37,10 @@ USUAL = (  # decimals, the blank before a time, and time zones as ISO 8601 has t
 )  # fmt: skip
 SIX = tuple((rf"^(\d{{{n}}})([.,]|$)", "0" * (6 - n) + r"\1\2") for n in range(1, 6))
 SLASHES = r"^(\d{1,2})/(\d{1,2})/(\d{4})"
+NO_MONTH = {
+    "dmy": r"^(1[3-9]|[23]\d)/\d{1,2}/",
+    "mdy": r"^\d{1,2}/(1[3-9]|[23]\d)/",
+}  # a day
 ORDERS = {"dmy": r"\3-\2-\1", "mdy": r"\3-\1-\2"}
 # Each part with two digits, one blank before the time.
 PADDED = (
@@ -63,6 +67,7 @@ class Dates:
     where: str
     order: str = ""  # dmy, mdy, ymd or hms: stated
     form: str = ""  # of the first cell: all others have it
+    told: str = ""  # how days and months were told apart, where nobody stated it
     of_day: bool = False  # times of day without a day
     zone: bool | None = None
     halves: bool | None = None  # AM or PM behind each time
@@ -125,7 +130,7 @@ class Dates:
             out = _replaced(out, DATES[self.form])
             out = _replaced(out, *_MONTHS) if NAME in DATES[self.form][0] else out
         if re.match(SLASHES, some):
-            out = _replaced(out, (SLASHES, ORDERS[self._order(some, place)]))
+            out = _replaced(out, (SLASHES, ORDERS[self._order(out, some, place)]))
         out = _replaced(out, *PADDED)
         self.of_day = self.of_day or bool(re.match(r"(\d+ days?,? )?\d+:\d\d", some))
         if self.of_day:
@@ -137,13 +142,19 @@ class Dates:
             out = _replaced(out, *OF_DAY)
         return _replaced(out, (r"(\.\d{9})\d+", r"\1"))
 
-    def _order(self, some: str, line: int) -> str:
+    def _order(self, cells: pa.Array, some: str, line: int) -> str:
+        """Whether day or month come first: stated, or a number beyond 12 says it."""
         if self.order in ORDERS:
             return self.order
-        raise InputError(
-            f"{self.where}: line {line}: '{some}': day or month first? --clock 'NAME [dd/mm/yyyy]' or "
-            "'NAME [mm/dd/yyyy]' says which"
-        )
+        days = {o: c for o, form in NO_MONTH.items() if (c := _first(cells, form))}
+        if len(days) != 1:
+            raise InputError(
+                f"{self.where}: line {line}: '{some}': day or month first? --clock 'NAME [dd/mm/yyyy]' or "
+                "'NAME [mm/dd/yyyy]' says which"
+            )
+        self.order, cell = next(iter(days.items()))
+        self.told = f"'{cell}' can only have the {'day' if self.order == 'dmy' else 'month'} first"
+        return self.order
 
     def _check_zone(self, iso: pa.Array, cells: pa.Array, numbers: Sequence[int]) -> None:
         """All cells state a time zone, or none does."""
@@ -212,6 +223,12 @@ def _replaced(cells: pa.Array, *changes: tuple[str, str]) -> pa.Array:
 def _there(cells: pa.Array) -> int:
     """Index of the first cell that is not empty."""
     return pc.index(pc.is_valid(cells), True).as_py()  # type: ignore[attr-defined]
+
+
+def _first(cells: pa.Array, form: str) -> str:
+    """The first cell of a form; "" if there is none."""
+    at = pc.index(pc.match_substring_regex(cells, form), True).as_py()  # type: ignore[attr-defined]
+    return cells[at].as_py() if at >= 0 else ""
 
 
 def _is_iso(cell: str) -> bool:

@@ -121,10 +121,27 @@ def test_seconds_are_not_taken_for_hours_and_minutes(first, step, count):
     ],
 )
 def test_a_day_and_a_time_of_day_in_two_columns(read, day, time):
-    clock = "Date [dd/mm/yyyy]" if "/" in day else None
-    found = read([f"{day};{time.format(k)}" for k in range(5)], clock, "Date;Time")
+    found = read([f"{day};{time.format(k)}" for k in range(5)], None, "Date;Time")
     np.testing.assert_allclose(found["p"].time, np.arange(5), atol=1e-9)
     assert found.start == datetime(2026, 3, 29, 10, 59, 50, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(("first", "second", "said"), [
+    ("12/03/2026", "13/03/2026", "'13/03/2026 10:00:00' can only have the day first"),
+    ("03/12/2026", "03/13/2026", "'03/13/2026 10:00:00' can only have the month first"),
+])  # fmt: skip
+def test_a_number_beyond_12_is_a_day(read, first, second, said):
+    found = read([f"{first} 10:00:00", f"{second} 10:00:00"])
+    assert found["p"].time.tolist() == [0, 86400]
+    assert found.start == datetime(2026, 3, 12, 10, tzinfo=UTC)
+    assert said in found.repairs
+
+
+@pytest.mark.parametrize("second", ["04/03/2026", "13/03/2026 x 03/13/2026"])
+def test_what_may_be_day_or_month_is_asked(read, second):
+    days = ["03/04/2026", *second.split(" x ")]
+    with pytest.raises(InputError, match=r"line 2: '03/04/2026 10:00:00': day or month first\?"):
+        read([f"{d} 10:00:00" for d in days])
 
 
 def test_times_beyond_any_calendar(read):
