@@ -293,7 +293,7 @@ class Supervisor:
 
     def _prepare_foxglove(self, wanted: configuration.Foxglove) -> None:
         told = {"host": wanted.host, "port": wanted.port, "name": f"slewright: {self.path.stem}"}
-        self._interface("foxglove", told)
+        self._interface("foxglove", {**told, "bundle": str(self.bundle.folder.resolve())})
 
     def _prepare_opcua(self, wanted: configuration.Opcua) -> None:
         files = wanted.security

@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from baselines.planning.distance import Solids, solids
 from fmus.equations import kinematics
 from specs import shapes
+from specs.distance import Solids, solids
 from specs.scene import GROUND, Scene
 from specs.shapes import BASE
 
@@ -65,6 +65,11 @@ class Body:
         swung = depths * math.sin(self.margins.sway_rad)
         rods.append(("grab", depths, ball + swung + self.margins.clearance_m))
         return rods
+
+    @property
+    def swept_m(self) -> float:
+        """Radius of the room that the grab takes while it swings by the angle allowed, m."""
+        return self.sizes["grab_radius"] + self.sizes["tool_length"] * math.sin(self.margins.sway_rad)
 
     def balls(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Middles (poses, balls, 3) and radii with margin (balls) at `poses` (n, 3)."""
