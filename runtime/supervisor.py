@@ -341,6 +341,7 @@ class Supervisor:
             "tokens": str(wanted.tokens.resolve()),
             "audit": str(wanted.audit.resolve()),
             "tls": wanted.tls and {k: str(getattr(wanted.tls, k).resolve()) for k in ("certificate", "key")},
+            "bundle": str(self.bundle.folder.resolve()),
             "bus_again": AGAIN[self.wanted.can.interface],
             "about": {
                 "machine": ("simulated machine" if simulated else self.path.stem)

@@ -90,6 +90,14 @@ def carriage(angles: np.ndarray, sizes: Mapping[str, float]) -> list[np.ndarray]
     ]
 
 
+def surface(box: shapes.Box, spacing_m: float) -> np.ndarray:
+    """Points (n, 3) on a box's surface in its link's frame, no further apart than `spacing_m`."""
+    axes = [np.linspace(-s / 2, s / 2, math.ceil(s / spacing_m) + 1) for s in box.size]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    on = np.any(np.isclose(np.abs(grid), np.array(box.size) / 2), axis=1)
+    return grid[on] + np.array(box.middle)
+
+
 def hull(points: np.ndarray) -> np.ndarray:
     """The convex outline of points in a plane (n, 2), in order (Andrew's monotone chain)."""
     ordered = sorted(map(tuple, np.round(points, 6)))

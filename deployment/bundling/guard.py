@@ -16,7 +16,7 @@ import numpy as np
 from fmus.equations import kinematics
 from specs import parameters, shapes
 from specs.errors import InputError
-from specs.outlines import clipped
+from specs.outlines import clipped, surface
 from specs.scene import GROUND, Box, Cylinder, HalfSpace, Scene
 from specs.shapes import BASE
 
@@ -155,7 +155,7 @@ def _few(rects: Sequence[Rect]) -> list[Rect]:
 
 def _carriage(sectors: Sequence[Sequence[Rect]]) -> Iterator[float]:
     """Of each sector of the slew angle: least distance of what turns with the slew to any solid."""
-    points = np.vstack([_surface(box) for box in shapes.boxes() if box.link != BASE])
+    points = np.vstack([surface(box, POINTS_M) for box in shapes.boxes() if box.link != BASE])
     radius, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
     width = 2.0 * math.pi / SECTORS
     slack = POINTS_M / math.sqrt(2.0)  # to the points between
@@ -177,14 +177,6 @@ def _away(z: np.ndarray, r: np.ndarray, turn: np.ndarray, rect: Rect) -> np.ndar
     nearest = np.clip(r * np.cos(turn), rect.r0, rect.r1)
     flat = np.sqrt(np.maximum(r * r + nearest * nearest - 2.0 * r * nearest * np.cos(turn), 0.0))
     return np.hypot(flat, np.maximum(np.maximum(rect.z0 - z, z - rect.z1), 0.0))
-
-
-def _surface(box: shapes.Box) -> np.ndarray:
-    """Points on a box's surface, no further apart than POINTS_M."""
-    axes = [np.linspace(-s / 2, s / 2, math.ceil(s / POINTS_M) + 1) for s in box.size]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    on = np.any(np.isclose(np.abs(grid), np.array(box.size) / 2), axis=1)
-    return grid[on] + np.array(box.middle)
 
 
 def balls() -> list[tuple[int, float, float]]:
