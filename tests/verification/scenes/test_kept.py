@@ -11,6 +11,7 @@ from specs import scene, scene_text
 from tests.records.foxglove.decoded import messages
 from verification.scenes import kept
 from verification.scenes.run import TRUE, Case, Ran
+from verification.scenes.study import Job
 
 pytest.importorskip("foxglove")
 TRUCK = scene.load("truck")
@@ -48,3 +49,12 @@ def test_nothing_driven_leaves_nothing(tmp_path: Path):
     kept.keep(tmp_path, Ran(ran().case, None, (), ()))
     assert list(tmp_path.iterdir()) == []
     assert not kept.there(tmp_path, ran().case)
+
+
+def test_a_job_is_done_when_all_that_is_to_be_kept_is_there(tmp_path: Path):
+    job = Job(TRUCK, "pd", {"tuning:3": {}}, 2, None, tmp_path)
+    assert not job.complete(None)
+    assert job.complete([{"driven": False}])  # without a plan there is nothing to keep
+    assert not job.complete([{"driven": True}])
+    kept.keep(tmp_path, ran())
+    assert job.complete([{"driven": True}])
