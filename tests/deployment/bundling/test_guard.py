@@ -89,7 +89,7 @@ def test_the_bundle_says_what_it_guards(tmp_path: Path) -> None:
     assert "guard_clearance" in json.loads((out / form.PARAMETERS).read_text())
     assert form.scene_of(out) == scenes.load("truck")
     (out / form.GUARD_SCENE).write_text("{}")
-    with pytest.raises(InputError, match="guard-scene.json was changed since it was built"):
+    with pytest.raises(InputError, match=r"guard-scene\.json was changed since it was built"):
         form.load(out)
 
 
