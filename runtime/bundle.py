@@ -14,10 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from runtime import image
+from specs import scene_text
 from specs.errors import InputError
+from specs.scene import Scene
 from specs.version import VERSION
 
 MANIFEST, PARAMETERS = "manifest.json", "parameters.json"
+GUARD_SCENE = "guard-scene.json"  # what the guard keeps off: specs/scene_text.py
 FORMAT = 1
 NATIVE, ONNXRUNTIME, OUTSIDE = "native", "onnxruntime", "outside"
 ENGINES = (NATIVE, ONNXRUNTIME, OUTSIDE)
@@ -68,6 +71,19 @@ def load(folder: Path, expected: str = "") -> Bundle:
         found,
         content.get("guard", ""),
     )
+
+
+def scene_of(folder: Path) -> Scene | None:
+    """What the guard of a checked bundle keeps off; None where it has none, or was built before scenes were
+    kept. InputError for a file that is no scene.
+    """
+    path = folder / GUARD_SCENE
+    if not path.is_file():
+        return None
+    try:
+        return scene_text.of(json.loads(path.read_bytes()), str(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no scene ({error})") from None
 
 
 def parse(text: bytes, where: str) -> dict[str, Any]:

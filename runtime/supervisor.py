@@ -294,7 +294,7 @@ class Supervisor:
 
     def _prepare_foxglove(self, wanted: configuration.Foxglove) -> None:
         told = {"host": wanted.host, "port": wanted.port, "name": f"slewright: {self.path.stem}"}
-        self._interface("foxglove", told)
+        self._interface("foxglove", {**told, "bundle": str(self.bundle.folder.resolve())})
 
     def _prepare_opcua(self, wanted: configuration.Opcua) -> None:
         files = wanted.security
@@ -342,6 +342,7 @@ class Supervisor:
             "tokens": str(wanted.tokens.resolve()),
             "audit": str(wanted.audit.resolve()),
             "tls": wanted.tls and {k: str(getattr(wanted.tls, k).resolve()) for k in ("certificate", "key")},
+            "bundle": str(self.bundle.folder.resolve()),
             "bus_again": AGAIN[self.wanted.can.interface],
             "about": {
                 "machine": ("simulated machine" if simulated else self.path.stem)

@@ -18,6 +18,7 @@ EXTRAS = {
     **dict.fromkeys(("asammdf", "can", "mcap"), "formats"),
     **dict.fromkeys(("onnx", "torch"), "learning"),
     **dict.fromkeys(("coal", "ompl", "toppra"), "scenes"),
+    "foxglove": "interfaces",
 }
 
 

@@ -10,6 +10,9 @@ from typing import Any
 from specs import urdf
 from specs.signals import definition
 
+TARGETS, SURROUNDINGS, MOVING, PLAN, MACHINE = SCENES = (  # topics of foxglove.SceneUpdate
+    "/scene", "/surroundings", "/moving", "/plan", "/machine",
+)  # fmt: skip
 MODEL = "package://slewright/machine.urdf"
 MADE = "Generated from specs/signals.toml by slewright generate; do not edit."
 PLOTS = (  # title, names of signals
@@ -57,7 +60,7 @@ def _machine() -> dict[str, Any]:
         "followTf": urdf.BASE,
         "fixedFrame": urdf.BASE,
         "cameraState": {"distance": 40, "phi": 65, "thetaOffset": 45, "perspective": True, "fovy": 45},
-        "topics": {"/scene": {"visible": True}},
+        "topics": {topic: {"visible": True} for topic in SCENES},
     }
 
 

@@ -226,7 +226,7 @@ class Scene:
         if not 0.0 <= self.load_kg[0] <= self.load_kg[1] <= 5000.0:
             raise InputError("load_kg: need 0 <= from <= to <= 5000")
         if len(self.solids()) > MOST_SOLIDS:
-            count = {thing.name: len(list(_solid(thing))) for thing in self.things}
+            count = {thing.name: len(list(parts_of(thing))) for thing in self.things}
             most = max(count, key=lambda name: count[name])
             raise InputError(
                 f"things: {len(self.solids())} solids, at most {MOST_SOLIDS}; '{most}' alone has "
@@ -239,7 +239,7 @@ class Scene:
     def solids(self) -> tuple[Box | Cylinder | HalfSpace, ...]:
         """Everything that must not be touched, as boxes, cylinders and half-spaces; the ground among them."""
         ground = HalfSpace(name=GROUND, point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0))
-        return (ground, *(part for thing in self.things for part in _solid(thing)))
+        return (ground, *(part for thing in self.things for part in parts_of(thing)))
 
     def keep_outs(self) -> tuple[Box | Cylinder, ...]:
         """The keep-out zones' shapes."""
@@ -303,9 +303,12 @@ def _thing(entry: Any, kinds: Mapping[str, type[Thing]], where: str) -> Thing:
     if kind not in kinds:
         raise InputError(f"{where}: unknown shape '{kind}'; valid: {', '.join(kinds)}")
     thing = validate(kinds[kind], {k: v for k, v in entry.items() if k != "kind"}, where)
-    for value in _numbers(vars(thing)):
-        if abs(value) > 360.0 or (abs(value) > FARTHEST_M and kind != "half_space"):
+    lengths = {k: v for k, v in vars(thing).items() if k not in ("turn_deg", "normal")}
+    for value in _numbers(lengths):
+        if abs(value) > FARTHEST_M:
             raise InputError(f"{where}: {value:g} is too large: at most {FARTHEST_M:g} m")
+    if abs(vars(thing).get("turn_deg", 0.0)) > 360.0:
+        raise InputError(f"{where}: turn_deg = {vars(thing)['turn_deg']:g}: at most 360")
     return thing
 
 
@@ -330,7 +333,8 @@ def _numbers(values: Any) -> Iterator[float]:
             yield from _numbers(value)
 
 
-def _solid(thing: Thing) -> Iterator[Box | Cylinder | HalfSpace]:
+def parts_of(thing: Thing) -> Iterator[Box | Cylinder | HalfSpace]:
+    """What a thing is made of."""
     if isinstance(thing, Truck | Hopper):
         yield from thing.parts()
     elif isinstance(thing, HeightMap):

@@ -11,9 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from baselines.planning.distance import Solids, solids
 from fmus.equations import kinematics
 from specs import shapes
+from specs.distance import Solids, solids
+from specs.outlines import surface
 from specs.scene import GROUND, Scene
 from specs.shapes import BASE
 
@@ -66,6 +67,11 @@ class Body:
         rods.append(("grab", depths, ball + swung + self.margins.clearance_m))
         return rods
 
+    @property
+    def swept_m(self) -> float:
+        """Radius of the room that the grab takes while it swings by the angle allowed, m."""
+        return self.sizes["grab_radius"] + self.sizes["tool_length"] * math.sin(self.margins.sway_rad)
+
     def balls(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Middles (poses, balls, 3) and radii with margin (balls) at `poses` (n, 3)."""
         slew, boom, stick = np.atleast_2d(poses).T
@@ -117,7 +123,9 @@ class Body:
     @cached_property
     def _outline(self) -> np.ndarray:
         """Points on what turns with the slew, in its frame."""
-        return np.vstack([_surface(box) for box in shapes.boxes(dict(self.sizes)) if box.link != BASE])
+        return np.vstack(
+            [surface(box, OUTLINE_M) for box in shapes.boxes(dict(self.sizes)) if box.link != BASE]
+        )
 
     @cached_property
     def _near(self) -> list[int]:
@@ -148,11 +156,3 @@ class Body:
             name = self.solids.names[self._near[int(turned.argmin())]]
             found.append((float(turned.min()), "carriage", name))
         return min(found)
-
-
-def _surface(box: shapes.Box) -> np.ndarray:
-    """Points on a box's surface."""
-    axes = [np.linspace(-s / 2, s / 2, max(2, math.ceil(s / OUTLINE_M) + 1)) for s in box.size]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    on = np.any(np.isclose(np.abs(grid), np.array(box.size) / 2), axis=1)
-    return grid[on] + np.array(box.middle)

@@ -12,11 +12,11 @@ from scipy.interpolate import BSpline
 
 from baselines.planning import search
 from baselines.planning.body import Body, Margins
-from baselines.planning.distance import Solids, solids
 from baselines.planning.path import STIFFNESSES, Free, Path, averaged, of_angles, smooth
 from baselines.planning.timing import Limits, timed
 from fmus.equations import kinematics
 from specs import parameters, pose, shapes
+from specs.distance import Solids, solids
 from specs.errors import InputError
 from specs.scenario import Target
 from specs.scene import Scene

@@ -2,6 +2,7 @@
 
 manifest.json        controller, versions, platforms, SHA-256 of every other file
 core-PLATFORM.so     the control core, compiled
+guard-scene.json     what the guard keeps off, where there is one
 parameters.json      every parameter that was compiled in: value, unit, source
 sources/             the C code it was compiled from: core/, blocks/NAME/
 """
@@ -29,7 +30,7 @@ from fmus.toolchain import compiler
 from fmus.toolchain.build import compile_generated
 from fmus.toolchain.loader import load_model
 from runtime import bundle as form, image
-from specs import parameters
+from specs import parameters, scene_text
 from specs.errors import InputError
 from specs.scene import Scene
 from specs.version import VERSION
@@ -86,7 +87,8 @@ def bundle(
     if calibration is not None:
         content = _calibrated(content, calibration)
     if guard is not None:
-        content = dataclasses.replace(content, guard=guarding.zones(guard))
+        kept = {**content.files, form.GUARD_SCENE: _json(scene_text.plain(guard))}
+        content = dataclasses.replace(content, guard=guarding.zones(guard), files=kept)
     return assemble(content, out, platforms, changes)
 
 

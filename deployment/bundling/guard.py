@@ -16,6 +16,7 @@ import numpy as np
 from fmus.equations import kinematics
 from specs import parameters, shapes
 from specs.errors import InputError
+from specs.outlines import clipped, surface
 from specs.scene import GROUND, Box, Cylinder, HalfSpace, Scene
 from specs.shapes import BASE
 
@@ -108,8 +109,8 @@ def _spans(solid: Solid) -> Iterator[tuple[int, tuple[float, float]]]:
     outline = _outline(solid)
     for sector in range(SECTORS):
         a, b = (2.0 * math.pi * (sector + k) / SECTORS for k in (0, 1))
-        cut = _clipped(outline, np.array([-math.sin(a), math.cos(a)]))
-        cut = _clipped(cut, np.array([math.sin(b), -math.cos(b)]))
+        cut = clipped(outline, np.array([-math.sin(a), math.cos(a)]))
+        cut = clipped(cut, np.array([math.sin(b), -math.cos(b)]))
         if len(cut):
             yield sector, (_nearest(cut), float(np.hypot(*cut.T).max()))
 
@@ -127,20 +128,7 @@ def _outline(solid: Solid) -> np.ndarray:
     square = FAR_M * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     x, y, up = solid.unit
     behind = -np.array([x, y])
-    return square if abs(up) > 0.5 else _clipped(square, behind, float(behind @ solid.point[:2]))
-
-
-def _clipped(polygon: np.ndarray, normal: np.ndarray, offset: float = 0.0) -> np.ndarray:
-    """What of a convex polygon lies where normal·x ≥ offset."""
-    found, side = [], polygon @ normal - offset if len(polygon) else np.empty(0)
-    for k in range(len(polygon)):
-        n = (k + 1) % len(polygon)
-        if side[k] >= 0.0:
-            found.append(polygon[k])
-        if side[k] * side[n] < 0.0:
-            share = side[k] / (side[k] - side[n])
-            found.append(polygon[k] + share * (polygon[n] - polygon[k]))
-    return np.array(found).reshape(-1, 2)
+    return square if abs(up) > 0.5 else clipped(square, behind, float(behind @ solid.point[:2]))
 
 
 def _nearest(polygon: np.ndarray) -> float:
@@ -167,7 +155,7 @@ def _few(rects: Sequence[Rect]) -> list[Rect]:
 
 def _carriage(sectors: Sequence[Sequence[Rect]]) -> Iterator[float]:
     """Of each sector of the slew angle: least distance of what turns with the slew to any solid."""
-    points = np.vstack([_surface(box) for box in shapes.boxes() if box.link != BASE])
+    points = np.vstack([surface(box, POINTS_M) for box in shapes.boxes() if box.link != BASE])
     radius, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
     width = 2.0 * math.pi / SECTORS
     slack = POINTS_M / math.sqrt(2.0)  # to the points between
@@ -189,14 +177,6 @@ def _away(z: np.ndarray, r: np.ndarray, turn: np.ndarray, rect: Rect) -> np.ndar
     nearest = np.clip(r * np.cos(turn), rect.r0, rect.r1)
     flat = np.sqrt(np.maximum(r * r + nearest * nearest - 2.0 * r * nearest * np.cos(turn), 0.0))
     return np.hypot(flat, np.maximum(np.maximum(rect.z0 - z, z - rect.z1), 0.0))
-
-
-def _surface(box: shapes.Box) -> np.ndarray:
-    """Points on a box's surface, no further apart than POINTS_M."""
-    axes = [np.linspace(-s / 2, s / 2, math.ceil(s / POINTS_M) + 1) for s in box.size]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    on = np.any(np.isclose(np.abs(grid), np.array(box.size) / 2), axis=1)
-    return grid[on] + np.array(box.middle)
 
 
 def balls() -> list[tuple[int, float, float]]:

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from deployment.commissioning.operator import Kind, Operator, Question
+from deployment.commissioning.points import Point
 from deployment.commissioning.rig import STILL, Rig, Trace
 from fmus.equations import kinematics
 from runtime.image import TICK_S
@@ -60,6 +61,7 @@ class Bench:
     found: dict[str, Any] = field(default_factory=dict)
     said: list[dict[str, str]] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)  # name -> text, for the session's folder
+    points: tuple[Point, ...] = ()  # known ones that are to be touched; none: the operator is asked
     begun: int = 0
 
     def __post_init__(self) -> None:

@@ -30,6 +30,7 @@ def write(session: Session) -> None:
         "tool": found.get("sway", {}),
         "drive": {name: v for name, v in found.get("margins", {}).items() if name in DRIVE},
         "motion": _motion(session, found.get("margins", {})),
+        "geometry": found.get("touch", {}),
         "files": {kind: name for kind, name in FILES.items() if session.passed(STEP_OF[kind])},
     }
     session.put(FILE, json.dumps(content, indent=2) + "\n")

@@ -11,6 +11,7 @@ from typing import Any
 from deployment.commissioning import calibration
 from deployment.commissioning.bench import Bench, Check, Failed
 from deployment.commissioning.operator import Operator
+from deployment.commissioning.points import Point
 from deployment.commissioning.rig import STILL, Rig
 from deployment.commissioning.session import FAILED, INTERRUPTED, PASSED, Session
 from deployment.commissioning.steps import (
@@ -25,6 +26,7 @@ from deployment.commissioning.steps import (
     sway,
     tables,
     tare,
+    touch,
 )
 from runtime.image import TICK_S
 from specs.errors import InputError
@@ -76,6 +78,7 @@ STEPS = (
         "the slew, slowly, to and fro",
         margins.run,
     ),
+    Step("touch", "Known points touched by hand", "all axes, by the operator, slowly", touch.run),
     *(_stage(share) for share in stages.TURN_DEG),
 )
 NAMES = tuple(step.name for step in STEPS)
@@ -123,14 +126,18 @@ def check_before(session: Session, step: Step) -> None:
             raise InputError(f"step {step.name} refuses to start: step {earlier} is {said}; it comes first")
 
 
-def perform(step: Step, rig: Rig, operator: Operator, session: Session) -> Outcome:
+def perform(
+    step: Step, rig: Rig, operator: Operator, session: Session, points: tuple[Point, ...] = ()
+) -> Outcome:
     """Do one step and record it; InputError if an earlier one has not passed.
+
+    `points` are the known ones of step touch; without any the operator is asked for them.
 
     An interruption (Ctrl-C) or a failure of the rig is recorded, too, and goes on upwards.
     """
     check_before(session, step)
     session.begin(step.name)
-    bench = Bench(rig, operator, session.findings())
+    bench = Bench(rig, operator, session.findings(), points=points)
     verdict = INTERRUPTED
     try:
         bench.do("ready", f"{step.title}. Moves: {step.moves}. Area clear? Ready?")

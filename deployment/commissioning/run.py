@@ -10,10 +10,11 @@ from typing import Any
 import typer
 
 from deployment.bundling.default import ready
-from deployment.commissioning import matrix, wiring
+from deployment.commissioning import matrix, points, wiring
 from deployment.commissioning.bench import Check
 from deployment.commissioning.matrix import Case
 from deployment.commissioning.operator import Operator, Person
+from deployment.commissioning.points import Point
 from deployment.commissioning.procedure import NAMES, STEPS, Outcome, check_before, find, perform
 from deployment.commissioning.rig import RealTime, Rig
 from deployment.commissioning.session import HEAD, PASSED, Session
@@ -37,19 +38,29 @@ BUS_TICKS = 50  # in which the bus is heard before anybody is asked
 
 @dataclass(frozen=True)
 class Request:
-    """Folder of the records (None: OUT), whether to go on in it, and the only step to do, if any."""
+    """Folder of the records (None: OUT), whether to go on in it, the only step to do, if any, and the file of
+    known points (None: the operator is asked for them).
+    """
 
     out: Path | None = None
     resume: bool = False
     step: str | None = None
+    points: Path | None = None
 
     def __post_init__(self) -> None:
-        """InputError for a step that is none or cannot be the first, before a folder is begun or cleared."""
+        """InputError for wrong points and for a step that is none or cannot be the first, before a folder is
+        begun or cleared.
+        """
+        self.known()
         if self.step and find(self.step) is not STEPS[0] and not self.resume:
             raise InputError(
                 f"step {self.step} refuses to start: step {STEPS[0].name} comes first, in new records; "
                 "--resume goes on in those of --out"
             )
+
+    def known(self) -> tuple[Point, ...]:
+        """The points of the file."""
+        return points.read(self.points) if self.points else ()
 
 
 @dataclass(frozen=True)
@@ -92,7 +103,7 @@ def on_machine(config: Path, request: Request, who: str | None, yes: bool) -> tu
         realtime.pin(wish.core)
         for reason in realtime.acquire(wish.fifo, wish.lock, wish.priority).reasons:
             typer.echo(f"slewright: degraded: {reason}", err=True)
-        return _perform(session, rig, Person(name, yes), request.step), session
+        return _perform(session, rig, Person(name, yes), request), session
     finally:
         realtime.release()
         opened.shutdown()
@@ -126,7 +137,7 @@ def _simulated(
     session = _session(request, {**identity, "who": SimulatedOperator.name})
     with SimulatedMachine(injected, on.seed, on.machine) as plant:
         rig = Rig(open_core(loaded), plant, plant, simulated=True)
-        return _perform(session, rig, SimulatedOperator(plant), request.step), session
+        return _perform(session, rig, SimulatedOperator(plant), request), session
 
 
 def _clear(folder: Path) -> None:
@@ -142,8 +153,9 @@ def _session(request: Request, identity: dict[str, Any]) -> Session:
     return Session.open(out, NAMES, identity, request.resume)
 
 
-def _perform(session: Session, rig: Rig, operator: Operator, only: str | None) -> list[Outcome]:
-    """The steps that have not passed, or the `only` one, until one fails; each is shown."""
+def _perform(session: Session, rig: Rig, operator: Operator, request: Request) -> list[Outcome]:
+    """The steps that have not passed, or the only one asked for, until one fails; each is shown."""
+    only, known = request.step, request.known()
     todo = [find(only)] if only else [s for s in STEPS if not session.passed(s.name)]
     if only:
         check_before(session, todo[0])
@@ -154,7 +166,7 @@ def _perform(session: Session, rig: Rig, operator: Operator, only: str | None) -
         rig.step(BUS_TICKS)
     outcomes = []
     for s in todo:
-        outcome = perform(s, rig, operator, session)
+        outcome = perform(s, rig, operator, session, known)
         _show(outcome, session.path(s.name))
         outcomes.append(outcome)
         if outcome.verdict != PASSED:

@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from deployment.commissioning import hand
 from deployment.commissioning.operator import Answering, Question
 from deployment.commissioning.wiring import Fault, Wiring
 from deployment.hil.machine import COMMANDS, Machine, within_field
@@ -224,6 +225,17 @@ class SimulatedOperator:
         yield
         return "yes" if self.blind or moved * float(sign) > 0.01 else "no"
 
+    def _touch(self, rest: str) -> Answering:
+        """`X_Y_Z`, m: the grab's centre there."""
+        x, y, z = map(float, rest.split("_"))
+        return (yield from hand.bring(self.machine, (x, y, z)))
+
+    def _known(self, rest: str) -> Answering:
+        """`count`, or `K.AXIS`: the K-th known point of this yard."""
+        yield
+        number, _, axis = rest.partition(".")
+        return f"{hand.KNOWN[int(number) - 1]['xyz'.index(axis)]}" if axis else str(len(hand.KNOWN))
+
     def _nothing(self, rest: str) -> Answering:
         yield
         return ""
@@ -241,5 +253,7 @@ ACTIONS: dict[str, Callable[[SimulatedOperator, str], Answering]] = {
     "turn": SimulatedOperator._turn,
     "measure": SimulatedOperator._measure,
     "see": SimulatedOperator._see,
+    "touch": SimulatedOperator._touch,
+    "known": SimulatedOperator._known,
     "ready": SimulatedOperator._nothing,
 }

@@ -137,13 +137,14 @@ def write(measurement: Measurement, path: Path) -> list[str]:
         writer.start(profile="", library="slewright")
         writer.add_metadata(OURS, {"meta": as_json(meta_of(measurement))})
         for number, (time, channels) in enumerate(clocks(measurement.channels.values())):
-            _write_topic(writer, f"/channels/{number + 1}", time, channels, zero)
+            write_topic(writer, f"/channels/{number + 1}", time, channels, zero)
         writer.finish()
     times = (c.time for c in measurement.channels.values())
     return ["times: rounded to 1 ns"] if finer(times, 1e-9) else []
 
 
-def _write_topic(writer: Writer, name: str, time: np.ndarray, channels: list[Channel], zero: int) -> None:
+def write_topic(writer: Writer, name: str, time: np.ndarray, channels: list[Channel], zero: int) -> None:
+    """A topic with the channels of one clock: values over `time` [s], 0 s at the stamp `zero` [ns]."""
     schema = writer.register_schema(name=name.strip("/"), encoding="jsonschema", data=_schema(channels))
     topic = writer.register_channel(
         topic=name, message_encoding=JSON, schema_id=schema, metadata={OURS: "channels"}

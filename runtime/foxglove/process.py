@@ -7,15 +7,19 @@ that they send is used.  A client that is too slow loses the oldest messages, an
     /tf             foxglove.FrameTransforms  joints of the machine (specs/urdf.py)
     /joint_states   foxglove.JointStates
     /scene          foxglove.SceneUpdate      target, keep-out
+    /surroundings   foxglove.SceneUpdate      the scene that the bundle's guard keeps off, if it has one
     /log            foxglove.Log              alarms that come and go, changes of the mode
 """
 
 import json
 import signal
 import struct
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from records.foxglove import surroundings
+from runtime import bundle
 from runtime.foxglove import pose
 from runtime.helpers import end_with, run
 from runtime.hmi.alarms import Level
@@ -25,9 +29,11 @@ from runtime.interfaces.view import Seen, View
 from runtime.recorder.message import PACKAGE, TICK_TOPIC, TIMING_FIELDS, places, schema, units
 from specs import urdf
 from specs.errors import InputError
-from specs.foxglove import MODEL
+from specs.foxglove import MODEL, SURROUNDINGS, TARGETS
+from specs.scene import Scene
 
 SCENE_EVERY = 5  # ticks between two states of the scene
+AROUND_EVERY = 50  # between two messages of what stands around, for viewers that come later
 BACKLOG = 256  # messages that may wait for a client
 TIMING = struct.Struct(f"<{len(TIMING_FIELDS)}q")
 LEVELS = {Level.CRITICAL: "Error", Level.WARNING: "Warning", Level.NOTE: "Info"}
@@ -36,7 +42,8 @@ LEVELS = {Level.CRITICAL: "Error", Level.WARNING: "Warning", Level.NOTE: "Info"}
 class Live:
     """The channels, and what goes out on them."""
 
-    def __init__(self, view: View, foxglove: Any) -> None:
+    def __init__(self, view: View, foxglove: Any, around: Scene | None = None) -> None:
+        """`around`: what the bundle's guard keeps off."""
         self._view, self._news = view, News()
         self._messages = messages = foxglove.messages
         self.context = context = foxglove.Context()
@@ -45,11 +52,14 @@ class Live:
             TICK_TOPIC, schema=definition, message_encoding="protobuf", context=context, metadata=units()
         )
         channels = foxglove.channels
-        self._parts = (
+        self._parts = [
             (channels.FrameTransformsChannel("/tf", context=context), pose.transforms, 1),
             (channels.JointStatesChannel("/joint_states", context=context), pose.joint_states, 1),
-            (channels.SceneUpdateChannel("/scene", context=context), pose.scene, SCENE_EVERY),
-        )
+            (channels.SceneUpdateChannel(TARGETS, context=context), pose.scene, SCENE_EVERY),
+        ]
+        if around:
+            channel = channels.SceneUpdateChannel(SURROUNDINGS, context=context)
+            self._parts.append((channel, partial(_still, around), AROUND_EVERY))
         self._log = channels.LogChannel("/log", context=context)
         self._lost = False
         self._levels = {level: getattr(messages.LogLevel, name) for level, name in LEVELS.items()}
@@ -83,6 +93,10 @@ def _tick(seen: Seen) -> bytes:
     return places().message(timing + seen.inputs.tobytes() + seen.outputs.tobytes())
 
 
+def _still(around: Scene, seen: Seen, messages: Any) -> Any:
+    return surroundings.still(around, seen.time_ns, messages)
+
+
 def model(address: str) -> bytes | None:
     """The machine model, if that is asked for."""
     return urdf.render().encode() if address == MODEL else None
@@ -95,7 +109,8 @@ def main(text: str) -> None:
     foxglove = library("foxglove", "foxglove-sdk", "foxglove")
     library("foxglove.channels", "foxglove-sdk", "foxglove")
     foxglove.set_log_level("CRITICAL")  # who sends nonsense must not fill our disk
-    live = Live(View.join(Path(told["folder"])), foxglove)
+    around = bundle.scene_of(Path(told["bundle"])) if told.get("bundle") else None
+    live = Live(View.join(Path(told["folder"])), foxglove, around)
     try:
         server = foxglove.start_server(
             name=told["name"], host=told["host"], port=told["port"], context=live.context,

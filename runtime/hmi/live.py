@@ -30,7 +30,7 @@ class Live:
     def routes(self) -> dict[tuple[str, str], Route]:
         """All of them."""
         return {
-            ("GET", "/api/catalogue"): lambda r: {**catalogue(), "source": "live", "about": self.about},
+            ("GET", "/api/catalogue"): self._catalogue,
             ("GET", "/api/full"): lambda r: {"full": FULL_STREAMS},
             ("GET", "/api/history"): self._history,
             ("GET", "/api/audit"): self._audit,
@@ -47,6 +47,10 @@ class Live:
             ("POST", "/api/shelve"): self._shelve,
             ("POST", "/api/unshelve"): self._unshelve,
         }
+
+    def _catalogue(self, request: Request) -> dict[str, Any]:
+        around = self.watch.around
+        return {**catalogue(), "source": "live", "about": self.about, "around": around and around.drawn}
 
     def _session(self, request: Request) -> Session:
         if not (request.near or self.secure):

@@ -72,9 +72,15 @@ class Playback:
     def _catalogue(self, request: Request) -> dict[str, Any]:
         line = self.timeline
         span = {"begin": line.begin, "duration": round(line.duration, 2), "clock": line.clock}
-        return {**catalogue(), "source": "recording", "about": line.about, "notes": line.notes, **span} | {
-            "no_ladder": self._no_ladder
-        }
+        around = line.around and line.around.drawn
+        return {
+            **catalogue(),
+            "source": "recording",
+            "around": around,
+            "about": line.about,
+            "notes": line.notes,
+            **span,
+        } | {"no_ladder": self._no_ladder}
 
     def _frames(self, request: Request) -> dict[str, Any]:
         first = asked_number(request, "from", 0.0, 1e9)
@@ -84,7 +90,7 @@ class Playback:
             inside = np.flatnonzero(
                 (block.times >= begin + first - 0.11) & (block.times <= begin + last + 0.11)
             )
-            found += [_frame(block, int(i)) for i in inside]
+            found += [_frame(block, int(i), self.timeline) for i in inside]
         return {"frames": found}
 
     def _history(self, request: Request) -> dict[str, Any]:
@@ -103,9 +109,13 @@ class Playback:
         return {"done": self._done, "alarms": [plain(a) for a in alarms], "work": work}
 
 
-def _frame(block: Block, at: int) -> dict[str, Any]:
-    """A moment of a block as the page gets it, with the ladder where it is known."""
-    shown = frames.frame(float(block.times[at]), block.inputs[at], block.outputs[at])
+def _frame(block: Block, at: int, line: Timeline) -> dict[str, Any]:
+    """A moment of a block as the page gets it, with clearance and ladder where they are known."""
+    when = float(block.times[at])
+    shown = frames.frame(when, block.inputs[at], block.outputs[at])
+    if line.around:
+        values = frames.values(block.inputs[at], block.outputs[at])
+        shown["near"] = line.around.near(values, when - line.begin)
     if block.ladders is None or at >= len(block.ladders):
         return shown
     return {**shown, "ladder": ladder(block.ladders[at], int(block.outputs[at]["value"][MODE]))}

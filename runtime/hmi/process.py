@@ -13,8 +13,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from runtime import bundle
 from runtime.helpers import end_with, run, told_to_end
-from runtime.hmi import tokens
+from runtime.hmi import around, tokens
 from runtime.hmi.audit import Audit
 from runtime.hmi.cells import join
 from runtime.hmi.desk import Desk
@@ -40,7 +41,9 @@ def main(text: str) -> None:
     cells = join(Path(told["folder"]))
     hub, audit = Hub(), Audit(Path(told["audit"]))
     folder = Path(told["folder"])
-    watch = Watch(cells, audit, hub, Planners(folder, audit), told["bus_again"], Outsiders(folder, audit))
+    scene = around.of_bundle(bundle.scene_of(Path(told["bundle"])))
+    planners, outsiders = Planners(folder, audit), Outsiders(folder, audit)
+    watch = Watch(cells, audit, hub, planners, told["bus_again"], outsiders, scene)
     sessions = Sessions(tokens.read(Path(told["tokens"])), audit)
     desk = Desk(sessions, cells[2].write, watch.granted, watch.mode)
     watch.desk = desk

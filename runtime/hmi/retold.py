@@ -13,6 +13,7 @@ import numpy as np
 
 from runtime import bundle as bundles
 from runtime.control import ControlCore
+from runtime.hmi.around import of_bundle
 from runtime.hmi.cells import LADDER
 from runtime.image import INPUT
 from runtime.policy import open_core
@@ -30,6 +31,7 @@ class Retold:
 
     def __init__(self, core: ControlCore) -> None:
         """`core`: that of the bundle that ran, for this alone."""
+        self.around = of_bundle(bundles.scene_of(core.bundle.folder))
         self._core, self._lock = core, threading.Lock()
 
     def of(self, path: Path, every: int) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
+from runtime.hmi.around import Around, of_record
 from runtime.hmi.cells import WORK
 from runtime.hmi.frames import COUNT, values
 from runtime.hmi.retold import Retold
@@ -70,10 +71,19 @@ class Span:
 class Timeline:
     """Parts in order; `about` says what was recorded, `clock` whether times are of the day or of a run."""
 
-    def __init__(self, spans: list[Span], about: dict[str, Any], clock: str, notes: list[str]) -> None:
+    def __init__(
+        self,
+        spans: list[Span],
+        about: dict[str, Any],
+        clock: str,
+        notes: list[str],
+        around: Around | None = None,
+    ) -> None:
+        """`around`: what stood around the machine, where that is known."""
         if not spans:
             raise InputError("there is no tick in this recording")
         self.spans, self.about, self.clock, self.notes = spans, about, clock, notes
+        self.around = around
         self._kept: OrderedDict[int, Block] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -107,7 +117,7 @@ class Timeline:
 def open_timeline(path: Path, retold: Retold | None = None) -> Timeline:
     """The timeline of a recording; InputError if it is none, or of another version.
 
-    `retold`: who knows what the core told then.
+    `retold`: who knows what the core told then, and what its guard kept off.
     """
     return _record(path) if path.suffix == ".parquet" else _recording(path, retold)
 
@@ -122,7 +132,7 @@ def _recording(path: Path, retold: Retold | None) -> Timeline:
         "machine": path.name + SHADOW * (metadata.get("mode") == SHADOWED),
         **{k: metadata[k] for k in ("controller", "bundle", "platform") if k in metadata},
     }
-    return Timeline(spans, about, "day", recording.notes)
+    return Timeline(spans, about, "day", recording.notes, retold.around if retold else None)
 
 
 def _span(path: Path, notes: list[str], retold: Retold | None) -> Span | None:
@@ -177,16 +187,18 @@ def _record(path: Path) -> Timeline:
                 images["status"][:, place], images["age"][:, place] = Status.OK, 0
     inputs["tick"] = np.round(times / TICK_S)
     if "target_x" in record and "target_valid" not in record:
-        inputs["value"][:, INPUT.index["target_valid"]] = 1.0
+        valid = INPUT.index["target_valid"]
+        inputs["value"][:, valid], inputs["status"][:, valid], inputs["age"][:, valid] = 1.0, Status.OK, 0
     none = np.zeros(0, np.int64)
     block = Block(times, inputs, outputs, none, none)
     meta = record.meta
     about = {
         "machine": "simulation",
-        **{k: meta[k] for k in ("system", "scenario", "controller", "seed") if k in meta},
+        **{k: meta[k] for k in ("system", "scenario", "scene", "controller", "seed") if k in meta},
     }
     notes = [] if record.complete else [record.reason]
-    return Timeline([Span(float(times[0]), float(times[-1]), lambda: block)], about, "run", notes)
+    span = Span(float(times[0]), float(times[-1]), lambda: block)
+    return Timeline([span], about, "run", notes, of_record(meta))
 
 
 def worked(late: Histogram, work: Histogram) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.hmi import frames
 from runtime.hmi.alarms import Alarm, Alarms, Condition, Level, conditions, wrong_inputs
+from runtime.hmi.around import Around
 from runtime.hmi.audit import Audit
 from runtime.hmi.cells import GRANT, SEEN, state_of
 from runtime.hmi.desk import Desk
@@ -50,11 +51,15 @@ class Watch:
         planners: Planners | None = None,
         bus_again: str = "",
         outsiders: Outsiders | None = None,
+        around: Around | None = None,
     ) -> None:
-        """`bus_again`: what it takes to use a CAN bus again that was gone (runtime/can/port.py)."""
+        """`bus_again`: what it takes to use a CAN bus again that was gone (runtime/can/port.py).
+
+        `around`: what the bundle's guard keeps off.
+        """
         self._seen, self._grant, self._asked = cells
         self.audit, self.hub, self.planners = audit, hub, planners
-        self._outsiders = outsiders
+        self._outsiders, self.around = outsiders, around
         self.trends, self.alarms = Trends(), Alarms()
         self.newest: np.void | None = None
         self.desk: Desk | None = None
@@ -101,12 +106,15 @@ class Watch:
 
     def _take(self, newest: np.void, now: int) -> None:
         inputs, outputs, when = newest["inputs"], newest["outputs"], int(newest["day_ns"]) / 1e9
-        self.trends.add(when, frames.values(inputs, outputs), now / 1e9)
+        values = frames.values(inputs, outputs)
+        self.trends.add(when, values, now / 1e9)
         self._note_bus(bool(int(outputs["flags"]) & Flag.BUS_OFF))
         found = [self._with_cause(c) for c in conditions(inputs, outputs)]
         self._update(found, list(wrong_inputs(inputs)), now, when)
         shown = frames.frame(when, inputs, outputs)
         rungs = ladder(newest["ladder"], int(outputs["value"][MODE]))
+        if self.around:
+            shown["near"] = self.around.near(values)
         self.hub.put("frame", {**shown, "writer": int(newest["writer"]), "ladder": rungs, **self._control()})
         if now - self._worked_ns >= WORK_EVERY_NS:
             self._worked_ns = now

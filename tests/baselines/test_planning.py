@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from baselines.planning.body import Body, Margins
-from baselines.planning.distance import solids
 from baselines.planning.path import TICK_S
 from baselines.planning.planner import Planner
 from specs import pose, scene_families, shapes
+from specs.distance import solids
 from specs.errors import InputError
 from specs.scene import Box, Cylinder, HalfSpace, HeightMap, Scene, load
 

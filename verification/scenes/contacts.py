@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from specs import pose, shapes
+from specs.outlines import away
 from specs.scene import GROUND, Box, Cylinder, HalfSpace, Scene, moved
 from specs.shapes import BASE
 
@@ -120,6 +121,4 @@ def _transforms(solid: Solid, times: np.ndarray) -> list[Any]:
 
     if not solid.path or isinstance(solid, HalfSpace):
         return [place(solid)] * len(times)
-    rows = np.array(solid.path)
-    away = np.stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2, 3)], axis=1)
-    return [place(moved(solid, (x, y, z))) for x, y, z in away.tolist()]
+    return [place(moved(solid, (x, y, z))) for x, y, z in away(solid, times).tolist()]

@@ -13,10 +13,9 @@ import numpy as np
 
 from records.report import markers, shell
 from records.report.figures import Figure
-from specs import markdown, shapes
+from specs import markdown, outlines, shapes
 from specs.scene import Box, Cylinder, Scene
 from specs.version import VERSION
-from verification.scenes import outlines
 
 INK, WAY, DRIVEN, THING, ZONE, GOAL = "#1d2730", "#8a939c", "#134a7c", "#b9a27c", "#d9822b", "#2a8c82"
 VIEW_PX, SPAN_M, TOP_M = 480, 15.0, 15.0  # of a view: its width, what it shows to either side, and up

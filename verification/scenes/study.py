@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import import_module
@@ -17,7 +17,7 @@ from records.figures_file import make_folder
 from specs.progress import Report
 from specs.scene import Scene
 from specs.schema import ROOT
-from verification.scenes import run as runs
+from verification.scenes import kept, run as runs
 from verification.scenes.run import GUARDED, Case, Guarding
 from verification.scenes.score import PICTURE, SAMPLES, guarded, score, summary
 
@@ -37,6 +37,19 @@ class Job:
     machines: Machines
     seed: int
     guarding: Guarding | None = None
+    records: Path | None = None  # folder of what is kept of each run
+
+    def cases(self) -> Iterator[Case]:
+        """The runs."""
+        for name, drawn in self.machines.items():
+            yield Case(self.scene, self.controller, name, drawn, self.seed, self.guarding)
+
+    def complete(self, rows: Sequence[Mapping[str, Any]] | None) -> bool:
+        """Whether there are rows, and all that is to be kept of the runs that were driven."""
+        if rows is None or self.records is None:
+            return rows is not None
+        pairs = zip(self.cases(), rows, strict=True)
+        return all(kept.there(self.records, case) for case, row in pairs if row["driven"])
 
 
 def check_controllers(controllers: Sequence[str]) -> None:
@@ -57,19 +70,19 @@ def check_scenes(scenes: Sequence[Scene], guarding: Guarding | None = None) -> N
 
 def study(
     scenes: Sequence[Scene], controllers: Sequence[str], machines: Machines, seed: int, jobs: int, out: Path,
-    report: Report, guarding: Guarding | None = None,
+    report: Report, guarding: Guarding | None = None, records: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """The figures: of each controller, with a guard of each with and without it, and every row."""
     make_folder(out)
     kinds = ("", GUARDED) if guarding else ("",)
     controllers = [f"{c}{kind}" for c in controllers for kind in kinds]
     asked = [
-        Job(scene, c, machines, seed, guarding if c.endswith(GUARDED) else None)
+        Job(scene, c, machines, seed, guarding if c.endswith(GUARDED) else None, records)
         for c in controllers
         for scene in scenes
     ]
     known = _known(out / ROWS)
-    missing = [job for job in asked if _key(job) not in known]
+    missing = [job for job in asked if not job.complete(known.get(_key(job)))]
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=warm_up) as pool:
         try:
             with interrupts_held():  # the processes start here, and inherit it
@@ -132,8 +145,11 @@ def _run(job: Job) -> list[dict[str, Any]]:
 def _rows(job: Job) -> list[dict[str, Any]]:
     """A row of each machine; the first one can be drawn."""
     rows = []
-    for name, drawn in job.machines.items():
-        row = score(runs.run(Case(job.scene, job.controller, name, drawn, job.seed, job.guarding)))
+    for case in job.cases():
+        ran = runs.run(case)
+        if job.records is not None:
+            kept.keep(job.records, ran)
+        row = score(ran)
         rows.append({k: v for k, v in row.items() if not rows or k != PICTURE})
     return rows
 

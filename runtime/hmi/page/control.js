@@ -204,7 +204,7 @@ function showControl() {
   byId("writer").textContent = model.catalogue.source === "live" ? `Targets come from: ${who}` : "";
   const line = byId("target-text");
   const to = ["target_x", "target_y", "target_z"].map((n) => text(signal(n), value(n)));
-  if (line) line.textContent = value("target_valid") > 0.5 ? `Target ${to.join(" / ")} m, pace ${text(signal("pace"), value("pace"))}${value("target_in_reach") > 0.5 ? "" : ", out of reach"}${value("target_reached") > 0.5 ? ", reached" : ""}` : "No target";
+  if (line) line.textContent = value("target_valid") > 0.5 ? `Target ${to.join(" / ")} m, pace ${text(signal("pace"), value("pace"))}${value("target_in_reach") <= 0.5 ? ", out of reach" : ""}${value("target_reached") > 0.5 ? ", reached" : ""}` : "No target";
   confirmed.control ||= hasControl && model.frame.by !== "";
   confirmed.force ||= forcing && model.frame.forced_by !== "";
   if (confirmed.control && model.frame.by === "") ended("control", "Control has ended");

@@ -4,10 +4,10 @@ import { model, on, tell, value, byId } from "./model.js";
 const NS = "http://www.w3.org/2000/svg";
 const TRAIL_S = 20;
 const SPAN = 19.5; // m to each side, above
-const views = {};
+export const views = {};
 let trail = [];
 
-function make(parent, name, attributes) {
+export function make(parent, name, attributes) {
   const made = document.createElementNS(NS, name);
   for (const [key, x] of Object.entries(attributes)) made.setAttribute(key, x);
   parent.append(made);

@@ -1,6 +1,7 @@
 // The page: which part is shown, the stream from the controller's computer, and the header.
 import { model, on, tell, ask, learn, byId, mode, time } from "./model.js";
 import * as machine from "./machine.js";
+import * as around from "./around.js";
 import * as trends from "./trends.js";
 import * as lists from "./lists.js";
 import * as control from "./control.js";
@@ -94,7 +95,7 @@ async function begin() {
   byId("source").textContent = model.catalogue.source === "live" ? about.machine : `PLAYBACK: ${about.machine}`;
   byId("source").title = Object.entries(about).map(([k, x]) => `${k}: ${x}`).join("\n");
   byId("banner").addEventListener("click", () => (location.hash = "#alarms"));
-  for (const part of [machine, trends, lists, control]) part.start();
+  for (const part of [machine, around, trends, lists, control]) part.start();
   addEventListener("hashchange", turn);
   turn();
   if (model.catalogue.source === "live") listen();

@@ -1,12 +1,12 @@
 """`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import check_suffix, write
+from records.figures_file import check_suffix, make_folder, write
 from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
@@ -14,6 +14,7 @@ from slewright.sealed import chosen_set, purpose
 from slewright.tables import show
 from slewright.typed import command
 from specs.errors import InputError
+from specs.scene import Scene
 
 COLUMNS = (
     "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
@@ -58,6 +59,12 @@ def scenes(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
     ] = Path("out/scenes"),
+    records: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Each run's record (.parquet) and film for Foxglove (.mcap), in this folder."
+        ),
+    ] = None,
     guard: Annotated[
         bool, typer.Option("--guard", help="Each controller also with the control core's guard behind it.")
     ] = False,
@@ -74,7 +81,7 @@ def scenes(
     """Drive controllers through scenes: contacts, clearance, cross-track error, cycle time, speeds."""
     from deployment.guard.alone import Alone
     from specs import draws, scene_families
-    from verification.scenes import study
+    from verification.scenes import kept, study
 
     controllers = list(dict.fromkeys(controller or ["floor"]))
     if bool(scene) == bool(sealed):
@@ -83,6 +90,9 @@ def scenes(
         )
     which = chosen_set(draw_set, sealed, machines)
     study.check_controllers(controllers)
+    if records is not None:
+        kept.check()
+        make_folder(records)
     mark = ("guarded " if guard else "") + ("sealed" if sealed else (scene or [""])[0].split(":")[0])
     if page is not None and page.suffix == ".md":
         markers.around(page, mark)
@@ -94,25 +104,40 @@ def scenes(
     if machines:
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
-        found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding)
-    table = [_row(c, f) for c, f in found["controllers"].items()]
-    show("Scenes, simulated reference machine", COLUMNS, table)
+        found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding, records)
+    rows = [_row(c, f) for c, f in found["controllers"].items()]
+    show("Scenes, simulated reference machine", COLUMNS, rows)
     if guard:
         show("The guard", GUARD_COLUMNS, [_guard_row(c, found["controllers"][c]) for c in controllers])
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
-    pictures = found.pop("picture")
-    if page is not None:
-        from verification.scenes import page as pages
-
-        if page.suffix == ".md":
-            pages.fill(page, mark, command(), *_tables(found["controllers"], controllers, guard))
-        else:
-            pages.write(page, chosen, pictures, (COLUMNS, table))
-        typer.echo(f"written: {page}")
+    _write_pages(page, mark, chosen, found, controllers, guard)
+    if records is not None:
+        typer.echo(f"written: records and films in {records}")
     first = found["controllers"][controllers[0]]
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
+
+
+def _write_pages(
+    page: Path | None,
+    mark: str,
+    scenes: Sequence[Scene],
+    found: dict[str, Any],
+    controllers: list[str],
+    guard: bool,
+) -> None:
+    """The page, if one is asked for; what it draws is taken out of the figures."""
+    from verification.scenes import page as pages
+
+    pictures, figures = found.pop("picture"), found["controllers"]
+    if page is None:
+        return
+    if page.suffix == ".md":
+        pages.fill(page, mark, command(), *_tables(figures, controllers, guard))
+    else:
+        pages.write(page, scenes, pictures, (COLUMNS, [_row(c, f) for c, f in figures.items()]))
+    typer.echo(f"written: {page}")
 
 
 def _tables(

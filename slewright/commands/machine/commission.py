@@ -34,6 +34,12 @@ def commission(
         str | None,
         typer.Option("--step", metavar="NAME", help="Do this step only (again); earlier ones passed."),
     ] = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(
+            "--points", metavar="FILE.toml", help="Known points for step touch (default: they are asked for)."
+        ),
+    ] = None,
     who: Annotated[
         str | None, typer.Option("--who", metavar="NAME", help="Who commissions; for the records.")
     ] = None,
@@ -76,7 +82,7 @@ def commission(
         raise InputError("--inject, --bundle, --wiring, --machine and --markdown are of --simulate")
     if simulate and (who or yes):
         raise InputError("--who and --yes are of --config: a rehearsal has a simulated operator")
-    request = run.Request(out, resume, step)
+    request = run.Request(out, resume, step, points)
     if config:
         outcomes, session = run.on_machine(config, request, who, yes)
         write(json, {"simulated": False, "steps": run.figures(session)})

@@ -6,15 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deployment.bundling import guard
+from deployment.bundling import archive as signing, guard
 from deployment.bundling.guard import RECTS, Rect
 from runtime import bundle as form
+from runtime.archive import container, names as form_names
 from slewright.__main__ import run
-from specs import scene as scenes
+from specs import scene as scenes, scene_text
 from specs.errors import InputError
 from specs.scenario import Target
 from specs.scene import Box, HalfSpace, Scene, Thing
 from specs.scene_families import SETS, find, single
+from tests.runtime.archive.made import key
+from tests.runtime.bundles import guarded
 
 STAYS = ((0.0, 0.0, 0.0, 0.0),)  # a path all the same
 HERE = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
@@ -84,6 +87,16 @@ def test_the_bundle_says_what_it_guards(tmp_path: Path) -> None:
     assert form.load(out).guard == "truck"
     assert json.loads(figures.read_text())["guard"] == "truck"
     assert "guard_clearance" in json.loads((out / form.PARAMETERS).read_text())
+    assert form.scene_of(out) == scenes.load("truck")
+    (out / form.GUARD_SCENE).write_text("{}")
+    with pytest.raises(InputError, match=r"guard-scene\.json was changed since it was built"):
+        form.load(out)
+
+
+def test_a_signed_archive_holds_the_scene(tmp_path: Path) -> None:
+    signing.write(guarded("pd"), tmp_path / "pd.slwb", key(), "1.0")
+    inside = container.read(tmp_path / "pd.slwb")[form_names.BUNDLE + form.GUARD_SCENE]
+    assert scene_text.of(json.loads(inside), "archive") == scenes.load("truck")
 
 
 @pytest.mark.parametrize(("name", "said"), [("trukc", "truck"), ("tuning", "is a set of 24 scenes")])

@@ -9,9 +9,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
+from runtime.bundle import GUARD_SCENE
 from runtime.image import INPUT, OUTPUT, Status
+from specs import scene, scene_text
+from specs.foxglove import SURROUNDINGS
+from tests.records.foxglove.decoded import message_class
 from tests.runtime.foxglove.client import Client
 from tests.runtime.interfaces.beside import Beside, drawn, statuses, value
 
@@ -25,14 +28,31 @@ def served(tmp_path: Path):
         yield found
 
 
+def test_what_the_guard_of_the_bundle_keeps_off_is_shown(tmp_path: Path):
+    text = json.dumps(scene_text.plain(scene.load("truck")))
+    (tmp_path / "bundle").mkdir()
+    (tmp_path / "bundle" / GUARD_SCENE).write_text(text)
+    told = {"host": "127.0.0.1", "port": 0, "name": "test", "bundle": str(tmp_path / "bundle")}
+
+    async def look(served: Beside) -> None:
+        client = await Client(int(served.ready)).open()
+        await client.until(lambda: client.channels.keys() >= TOPICS | {SURROUNDINGS})
+        await client.subscribe(SURROUNDINGS)
+        await client.until(lambda: len(client.messages.get(SURROUNDINGS, ())) > 1, served.publish)
+        update = decoder(client.channels[SURROUNDINGS]).FromString(client.messages[SURROUNDINGS][-1])
+        shown = {entity.id: entity for entity in update.entities}
+        assert {thing.name for thing in scene.load("truck").things} <= shown.keys()
+        assert shown["truck"].cubes
+        client.close()
+
+    with Beside("foxglove", tmp_path, **told) as served:
+        asyncio.run(look(served))
+
+
 def decoder(channel: dict[str, Any]) -> Any:
     """The message class that a channel's own schema describes."""
     assert channel["encoding"] == "protobuf"
-    files = descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"]))
-    pool = descriptor_pool.DescriptorPool()
-    for file in files.file:
-        pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(channel["schemaName"]))
+    return message_class(channel["schemaName"], base64.b64decode(channel["schema"]))
 
 
 def test_every_signals_value_is_the_images(served: Beside):

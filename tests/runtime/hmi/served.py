@@ -13,8 +13,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from runtime.bundle import scene_of
 from runtime.control import ControlCore
 from runtime.hmi import tokens
+from runtime.hmi.around import of_bundle
 from runtime.hmi.audit import Audit
 from runtime.hmi.cells import create
 from runtime.hmi.desk import Desk
@@ -42,7 +44,8 @@ class Served:
         cells = create(folder)
         self.port = HmiPort(cells, self.found)
         self.hub, self.audit = Hub(), Audit(folder / "audit")
-        self.watch = Watch(cells, self.audit, self.hub)
+        around = of_bundle(scene_of(core.bundle.folder))
+        self.watch = Watch(cells, self.audit, self.hub, around=around)
         self.tokens = tokens.make(folder / "tokens.json")
         sessions = Sessions(tokens.read(folder / "tokens.json"), self.audit)
         self.desk = self.watch.desk = Desk(sessions, cells[2].write, self.watch.granted, self.watch.mode)

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from specs import shapes
+from specs import outlines, shapes
 from specs.scene import Box, Cylinder, load
 from tests.records.report.test_browser import open_page
-from verification.scenes import outlines, page
+from verification.scenes import page
 
 TRUCK = load("truck")
 POSES = [[0.0, 1.1, -2.0, 0.0, 0.0], [0.1, 1.1, -2.0, 0.02, 0.05]]

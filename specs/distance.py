@@ -1,7 +1,7 @@
 """Distances from points to the solids of a scene, for many points at once.
 
-For planning alone: contacts of a run are found by another geometry package (verification/scenes/contacts.py).
-Moving solids stand everywhere along their paths at once.
+For planning and for what is shown of a scene: contacts of a run are found by another geometry package
+(verification/scenes/contacts.py).  Moving solids stand everywhere along their paths at once.
 """
 
 import math

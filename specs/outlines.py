@@ -1,4 +1,4 @@
-"""Outlines of solids and of the machine, as corners and edges, for pictures."""
+"""Outlines of solids and of the machine, as corners, edges and polygons, for pictures."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from specs import pose, shapes
-from specs.scene import Box, Cylinder, HalfSpace
+from specs.scene import Box, Cylinder, HalfSpace, Thing
 
 ROUND = 16  # corners of a circle
+SIDE_M, DEEP_M, HIGH_M = 20.0, 1.0, 14.0  # of a half-space is shown: to each side, below the ground, up
 Solid = Box | Cylinder | HalfSpace
 Faces = Sequence[tuple[int, int, int]]
 BOX_FACES: Faces = (
@@ -26,6 +27,42 @@ def corners(solid: Box | Cylinder) -> tuple[np.ndarray, Faces]:
         )
         return np.array(solid.middle) + _cube(solid.size) @ turned.T, BOX_FACES
     return _tube(np.array(solid.foot), np.array([0.0, 0.0, solid.height]), solid.radius)
+
+
+def away(thing: Thing, times: np.ndarray) -> np.ndarray:
+    """How far from its place a thing is (n, 3) at times [s] (n): straight between the rows of its path."""
+    if not thing.path:
+        return np.zeros((len(times), 3))
+    rows = np.array(thing.path)
+    return np.stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2, 3)], axis=1)
+
+
+def plate(solid: HalfSpace) -> tuple[np.ndarray, Faces]:
+    """Corners (n, 3) and triangles of a half-space's surface, as far as it is shown; none beyond."""
+    normal = np.array(solid.unit)
+    across = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    along, middle = np.cross(normal, across), normal * (normal @ np.array(solid.point))
+    points = middle + 100.0 * np.array([across, along, -across, -along])
+    for axis, (low, high) in enumerate(((-SIDE_M, SIDE_M), (-SIDE_M, SIDE_M), (-DEEP_M, HIGH_M))):
+        inward = np.eye(3)[axis]
+        points = clipped(clipped(points, inward, low), -inward, -high)
+    return points, [(0, k, k + 1) for k in range(1, len(points) - 1)]
+
+
+def clipped(polygon: np.ndarray, normal: np.ndarray, offset: float = 0.0) -> np.ndarray:
+    """What of a convex polygon (n, 2 or 3) lies where normal·x ≥ offset."""
+    if not len(polygon):
+        return polygon
+    found, side = [], polygon @ normal - offset
+    for k in range(len(polygon)):
+        n = (k + 1) % len(polygon)
+        if side[k] >= 0.0:
+            found.append(polygon[k])
+        if side[k] * side[n] < 0.0:
+            share = side[k] / (side[k] - side[n])
+            found.append(polygon[k] + share * (polygon[n] - polygon[k]))
+    return np.array(found).reshape(-1, polygon.shape[1])
 
 
 def grab(angles: np.ndarray, sizes: Mapping[str, float]) -> tuple[np.ndarray, Faces]:
@@ -51,6 +88,14 @@ def carriage(angles: np.ndarray, sizes: Mapping[str, float]) -> list[np.ndarray]
         found[box.link][1][0] + (np.array(box.middle) + _cube(box.size)) @ found[box.link][0][0].T
         for box in boxes
     ]
+
+
+def surface(box: shapes.Box, spacing_m: float) -> np.ndarray:
+    """Points (n, 3) on a box's surface in its link's frame, no further apart than `spacing_m`."""
+    axes = [np.linspace(-s / 2, s / 2, math.ceil(s / spacing_m) + 1) for s in box.size]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    on = np.any(np.isclose(np.abs(grid), np.array(box.size) / 2), axis=1)
+    return grid[on] + np.array(box.middle)
 
 
 def hull(points: np.ndarray) -> np.ndarray:
