@@ -304,6 +304,7 @@ def _thing(entry: Any, kinds: Mapping[str, type[Thing]], where: str) -> Thing:
         raise InputError(f"{where}: unknown shape '{kind}'; valid: {', '.join(kinds)}")
     thing = validate(kinds[kind], {k: v for k, v in entry.items() if k != "kind"}, where)
     lengths = {k: v for k, v in vars(thing).items() if k not in ("turn_deg", "normal")}
+    lengths["path"] = thing.places()  # without its times
     for value in _numbers(lengths):
         if abs(value) > FARTHEST_M:
             raise InputError(f"{where}: {value:g} is too large: at most {FARTHEST_M:g} m")

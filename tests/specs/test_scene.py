@@ -35,6 +35,7 @@ def test_every_scene_that_ships_can_be_read(name: str):
         ([box(), box()], "two things called 'b'"),
         ([box(name="ground")], "two things called 'ground'"),
         ([box(middle=[1e6, 0.0, 0.0])], "too large"),
+        ([box(path=[[0, 0, 0, 0], [1, 0, 201, 0]])], "201 is too large"),
         ([box(middle=[float("nan"), 0.0, 0.0])], "finite"),
         ([box(high=3.0)], "unknown key high"),
         ([box(path=[[0, 0, 0, 0], [0, 1, 0, 0]])], "times must grow"),
@@ -50,6 +51,11 @@ def test_every_scene_that_ships_can_be_read(name: str):
 def test_a_mistake_is_named_with_its_place(things: list[dict[str, Any]], message: str):
     with pytest.raises(InputError, match=message):
         changed(things=things)
+
+
+def test_a_thing_may_move_for_longer_than_it_may_be_far():
+    moving = changed(things=[box(path=[[0, 0, 0, 0], [3600, 0, 10, 0]])])
+    assert moving.things[0].path[-1] == (3600.0, 0.0, 10.0, 0.0)
 
 
 def test_a_zone_is_keep_out_or_slow():
