@@ -120,11 +120,21 @@ def _rises(cells: Sequence[str]) -> bool:
     if cells and all(map(is_date, cells)):
         return True
     try:
-        values = [float(c.replace(",", ".")) for c in cells]
+        values = [float(_bare(c)) for c in cells]
     except ValueError:
         return False
     steps = [b - a for a, b in pairwise(values)]
     return bool(steps) and (min(steps) > 0 or max(steps) < 0)
+
+
+def _bare(cell: str) -> str:
+    """A number without marks that group its digits: blanks, ', and of . and , what is not its last one."""
+    cell = re.sub(r"[\s'\u2019_]", "", cell)
+    marks = re.findall(r"[.,]", cell)
+    if len(marks) > 1 and len(set(marks)) == 1:
+        return cell.replace(marks[0], "")
+    *groups, decimals = re.split(r"[.,]", cell)
+    return f"{''.join(groups)}.{decimals}" if groups else decimals
 
 
 def _day_and_time(columns: Cells, heads: Sequence[Heading]) -> list[int] | None:

@@ -57,6 +57,15 @@ def test_clocks_have_units_of_their_own(read):
     np.testing.assert_allclose(found["c"].time, [0.25, 1.25])
 
 
+@pytest.mark.parametrize("cells", [
+    ("5\u202f000", "5\u202f010.5", "6\u202f020"), ("5'000", "5'010.5", "6'020"),
+    ("5.000,0", "5.010,5", "6.020,0"), ("1,005,000", "1,005,010", "1,006,020"),
+])  # fmt: skip
+def test_a_further_clock_whose_digits_are_grouped(read, cells):
+    with pytest.raises(InputError, match="2 columns may be the time"):
+        read("time [ms];a;b;time.1 [ms]\n" + "".join(f"{k};1;2;{c}\n" for k, c in enumerate(cells)))
+
+
 def test_clocks_that_are_dates_count_from_the_first_of_them(read):
     day = "2026-03-29 "
     found = read(f"Time,a,Time.1,b\n{day}00:00:02,1,{day}00:00:01,4\n{day}00:00:03,2,{day}00:00:02,5\n")
