@@ -171,16 +171,19 @@ class System:
 def parameter(component: Component, name: str, also: Iterable[str] = ()) -> Variable:
     """The parameter `name` of a component; InputError with the nearest parameters.
 
-    `also`: further causalities that are accepted.  Structural parameters that give arrays their size are
-    refused: the sizes of what is connected were checked with the values of the description.
+    Outputs and local variables that have a start value, such as states, pass for parameters.  `also`: further
+    causalities that are accepted.  Structural parameters that give arrays their size are refused: the sizes
+    of what is connected were checked with the values of the description.
     """
     variables = component.model.variables
     found = variables.get(name)
     if found is None:
         valid = [v.name for v in variables.values() if v.causality == "parameter"]
         raise InputError(f"component {component.name} has no parameter '{name}'; {nearest(name, valid)}")
-    if found.causality not in ("parameter", "structuralParameter", *also):
-        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter")
+    state = found.causality in ("output", "local") and found.start_settable
+    if not state and found.causality not in ("parameter", "structuralParameter", *also):
+        why = "" if found.causality == "input" else ", and has no start value that can be set"
+        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter{why}")
     if any(name in v.dimensions for v in variables.values()):
         raise InputError(
             f"{component.name}.{name} gives arrays their size; it can only be set in the system description"

@@ -26,6 +26,10 @@ static void start(model *m) {
   m->mu = 1.0, m->x[0] = 2.0, m->x[1] = 0.0;
 }
 
+static double *settable(model *m, unsigned vr) {
+  return vr == 1 ? &m->x[0] : vr == 3 ? &m->x[1] : vr == 5 ? &m->u : &m->mu;
+}
+
 static void initialise(model *m) {
   if (m->kind == BALL || m->kind == ENDLESS) m->x[0] = 1.0, m->x[1] = 0.0;
   if (m->kind > ENDLESS) m->x[0] = m->x[1] = 0.0;

@@ -84,7 +84,7 @@ fmi2Status fmi2GetReal(fmi2Component instance, const fmi2ValueReference *vr, siz
   CHECKED(true);
 }
 fmi2Status fmi2SetReal(fmi2Component instance, const fmi2ValueReference *vr, size_t n, const fmi2Real *values) {
-  for (size_t i = 0; i < n; i++) *(vr[i] == 5 ? &M->u : &M->mu) = values[i];
+  for (size_t i = 0; i < n; i++) *settable(M, vr[i]) = values[i];
   CHECKED(!M->continuous);
 }
 fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference *vr, size_t n, fmi2Integer *values) {
