@@ -162,7 +162,7 @@ class Plan:
             ALGORITHM[settings.algorithm],
             settings.tolerance,
             settings.max_iterations,
-            settings.max_halvings,
+            self.system.halvings(settings.max_halvings),
         )
         order, loop = indices(self.layout.order.positions), indices(self.layout.order.loop)
         self.call("order", pointer(order), pointer(loop))

@@ -160,12 +160,27 @@ class System:
                     f"{component}: algorithm 'adaptive' changes the step, but its FMU cannot handle that "
                     "(canHandleVariableCommunicationStepSize)"
                 )
-            internal = component.model.fixed_internal_step_s
-            if algorithm == "adaptive" and internal and self.step_s < 2.0 * internal * (1.0 - SLACK):
+            if algorithm == "adaptive" and self._halvings(component, 0) < 0:
                 raise InputError(
                     f"{component}: algorithm 'adaptive' halves the step of {self.step_s:g} s, but its FMU "
-                    f"steps {internal:g} s at least (fixedInternalStepSize)"
+                    f"steps whole multiples of {component.model.fixed_internal_step_s:g} s "
+                    "(fixedInternalStepSize)"
                 )
+
+    def halvings(self, asked: int) -> int:
+        """How often `adaptive` may halve the step: half of the smallest one suits fixed internal steps."""
+        return max(0, min((self._halvings(c, asked) for c in self.components.values()), default=asked))
+
+    def _halvings(self, component: Component, asked: int) -> int:
+        internal, found = component.model.fixed_internal_step_s, -1
+        if not internal or component.multiple != 1:
+            return asked
+        multiple = self.step_s / internal
+        while (
+            found < asked and round(multiple) % 2 == 0 and abs(multiple - round(multiple)) < SLACK * multiple
+        ):
+            multiple, found = multiple / 2.0, found + 1
+        return found
 
 
 def parameter(component: Component, name: str, also: Iterable[str] = ()) -> Variable:
