@@ -44,7 +44,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component instance, fmi2EventInfo *info) {
   bool more, changed;
   memset(info, 0, sizeof *info);
   info->nextEventTime = event(M, &more, &changed);
-  info->nextEventTimeDefined = info->nextEventTime >= M->time;
+  info->nextEventTimeDefined = info->nextEventTime >= M->time || M->kind == PAST;
   info->newDiscreteStatesNeeded = more, info->valuesOfContinuousStatesChanged = changed;
   CHECKED(!M->continuous);
 }

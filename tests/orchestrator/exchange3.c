@@ -41,7 +41,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *more, fm
                                     fmi3Float64 *next) {
   *terminate = *nominals = false;
   *next = event(M, more, changed);
-  *timed = *next >= M->time;
+  *timed = *next >= M->time || M->kind == PAST;
   CHECKED(!M->continuous);
 }
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
