@@ -41,8 +41,11 @@ def over_the_bus(bundle: Bundle, path: Path) -> Path:
     return _packed(bundle, spec, connections, path)
 
 
-def by_plain_signals(bundle: Bundle, path: Path) -> Path:
-    """The same without a bus: `controller.plain` must be set, and then its frames pass inside of it."""
+def by_plain_signals(bundle: Bundle | Path, path: Path) -> Path:
+    """The same without a bus: `controller.plain` must be set, and then its frames pass inside of it.
+
+    `bundle`: or the controller's FMU.
+    """
     machine = _machine()
     inputs = {systems.SYSTEM: list(tables.TARGETS), MACHINE: _sensors(machine)}
     components = {
@@ -76,11 +79,13 @@ def _spec(about: str, components: dict[str, Any], shown: str, machine: dict[str,
 
 
 def _packed(
-    bundle: Bundle, spec: systems.SystemSpec, connections: list[tuple[str, str, str, str]], path: Path
+    bundle: Bundle | Path, spec: systems.SystemSpec, connections: list[tuple[str, str, str, str]], path: Path
 ) -> Path:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        fmus = {f"{nodes.CONTROLLER}.fmu": nodes.build_controller(bundle, folder / "controller.fmu")}
+        there = isinstance(bundle, Path)
+        built = bundle if there else nodes.build_controller(bundle, folder / "controller.fmu")
+        fmus = {f"{nodes.CONTROLLER}.fmu": built}
         if connections:
             fmus[f"{bus.NAME}.fmu"] = bus.build_bus(folder / "bus.fmu", len(TERMINALS))
             fmus[f"{nodes.MACHINE_IO}.fmu"] = nodes.build_machine_io(folder / "io.fmu")

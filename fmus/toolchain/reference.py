@@ -42,11 +42,11 @@ _EXPERIMENTS = """<?xml version="1.0" encoding="UTF-8"?>
 {parts}  </Experiment>
 </Experiments>
 """
-_SEED = f"""<?xml version="1.0" encoding="UTF-8"?>
+_PARAMETERS = """<?xml version="1.0" encoding="UTF-8"?>
 <ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
-    version="1.0" name="seed">
+    version="1.0" name="{name}">
   <ssv:Parameters>
-    <ssv:Parameter name="noise_seed"><ssv:Integer value="{SEED}"/></ssv:Parameter>
+    <ssv:Parameter name="{name}"><ssv:{kind} value="{value}"/></ssv:Parameter>
   </ssv:Parameters>
 </ssv:ParameterSet>
 """
@@ -74,15 +74,34 @@ def files(model: Model, library: bytes, token: str) -> dict[str, bytes]:
     if not model.outputs or len(rows) < 2:
         return {}
     seeded = any(e.vr == SEED_VR for e in exposed(model))
-    content = {
-        "parameters.ssv": _SEED if seeded else "",
-        "inputs.csv": _stimuli(model, steps, pieces),
-        "outputs.csv": _table(model.outputs, [(k * steps.shown * steps.step_s, row) for k, row in rows]),
-    }
-    stop = rows[-1][0] * steps.shown * steps.step_s
-    content["experiments.xml"] = text = _experiments(content, stop, steps.step_s)
-    content["fmi-ls-manifest.xml"] = _MANIFEST.format(checksum=hashlib.sha3_256(text.encode()).hexdigest())
-    return {FOLDER + name: text.encode() for name, text in content.items() if text}
+    return _content(model, steps, pieces, rows, parameter("noise_seed", "Integer", SEED) if seeded else "")
+
+
+def parameter(name: str, kind: str, value: object) -> str:
+    """A parameter set (SSV) with one value, of a type of SSP."""
+    return _PARAMETERS.format(name=name, kind=kind, value=value)
+
+
+def _content(
+    model: Model,
+    steps: Steps,
+    pieces: Sequence[Sequence[float]],
+    rows: Sequence[tuple[int, Sequence[float]]],
+    parameters: str,
+) -> dict[str, bytes]:
+    """FMI-LS-REF's files by their place in the archive; `rows`: numbers of rows, and outputs then."""
+    shown_s = steps.shown * steps.step_s
+    results = table(model.outputs, [(k * shown_s, row) for k, row in rows])
+    stop = rows[-1][0] * shown_s
+    return carried(parameters, _stimuli(model, steps, pieces), results, stop, steps.step_s)
+
+
+def carried(parameters: str, stimuli: str, results: str, stop: float, step: float) -> dict[str, bytes]:
+    """FMI-LS-REF's files by their place in the archive, of one experiment; "": none of that."""
+    texts = {"parameters.ssv": parameters, "inputs.csv": stimuli, "outputs.csv": results}
+    texts["experiments.xml"] = text = _experiments(texts, stop, step)
+    texts["fmi-ls-manifest.xml"] = _MANIFEST.format(checksum=hashlib.sha3_256(text.encode()).hexdigest())
+    return {FOLDER + name: text.encode() for name, text in texts.items() if text}
 
 
 def _steps(model: Model) -> Steps:
@@ -119,10 +138,11 @@ def _stimuli(model: Model, steps: Steps, pieces: Sequence[Sequence[float]]) -> s
     for k in range(1, len(pieces)):
         time = k * steps.held * steps.step_s
         rows += [(time, pieces[k - 1]), (time, pieces[k])]
-    return _table(model.inputs, rows)
+    return table(model.inputs, rows)
 
 
-def _table(columns: Sequence[Variable], rows: Sequence[tuple[float, Sequence[float]]]) -> str:
+def table(columns: Sequence[Variable], rows: Sequence[tuple[float, Sequence[float]]]) -> str:
+    """CSV over time, in nine digits."""
     head = ",".join(("time", *(v.name for v in columns)))
     lines = (",".join((f"{time:.9g}", *(f"{x:.9g}" for x in values))) for time, values in rows)
     return "\n".join((head, *lines)) + "\n"

@@ -31,7 +31,7 @@ CLOCK_KIND = {
     "countdown": 5,
 }  # slw_clock_kind
 DONE, FAILED, ENDED = range(3)  # slw_outcome
-SET, GET = range(2)  # slw_direction
+SET, GET, SET_DISCRETE = range(3)  # slw_direction
 
 # slw_what
 (

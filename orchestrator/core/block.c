@@ -30,10 +30,29 @@ static inline bool passes(slw_core *core, slw_block *b, slw_status status, slw_w
   return slw_fail(core, doing, status, b, 0);
 }
 
+/* A value as `told` notes it: of a text a number over its content. */
+static int64_t noted(const slw_group *g, size_t i) {
+  const slw_blob *text = g->blobs ? &g->blobs[g->cells[i].integer] : NULL;
+  return text ? (int64_t)slw_hashed(text->size, text->data, text->size) : g->cells[i].integer;
+}
+
+static bool set_group(slw_core *core, slw_block *b, slw_group *g) {
+  for (size_t i = 0; g->told && i < g->n; i++) g->told[i] = noted(g, i);
+  return passes(core, b, b->fmu->call->set(b->fmu, g), SLW_DOING_SET);
+}
+
 bool slw_block_set(slw_core *core, slw_block *b) {
   for (uint32_t i = 0; i < b->n_sets; i++)
-    if (!passes(core, b, b->fmu->call->set(b->fmu, &b->sets[i]), SLW_DOING_SET)) return false;
+    if (!set_group(core, b, &b->sets[i])) return false;
   return true;
+}
+
+/* Whether a discrete input is another than was set last. */
+static bool has_news(const slw_block *b) {
+  for (const slw_group *g = b->sets; g < b->sets + b->n_sets; g++)
+    for (size_t i = 0; g->told && i < g->n; i++)
+      if (g->told[i] != noted(g, i)) return true;
+  return false;
 }
 
 bool slw_groups_finite(slw_core *core, const slw_block *b, const slw_group *groups, uint32_t n) {
@@ -103,16 +122,21 @@ static bool tick_due(slw_core *core, slw_block *b, double time) {
   return slw_timed_endless(core, b, time, 0.0);
 }
 
-bool slw_block_tick_clocks(slw_core *core, slw_block *b) {
-  const double time = slw_time(core);
-  if (!b->n_clocks || b->connected || !slw_own_due(core, b, core->tick, time)) return true;
-  return enter(core, b) && slw_block_set(core, b) && tick_due(core, b, time) && leave(core, b);
+/* In step mode only continuous inputs may be set (FMI 3.0, 2.2.9): a discrete one that changed is an event. */
+bool slw_block_inputs(slw_core *core, slw_block *b, double t, bool clocks) {
+  const bool ticks = clocks && b->n_clocks && !b->connected && slw_own_due(core, b, core->tick, t);
+  if (ticks) return enter(core, b) && slw_block_set(core, b) && tick_due(core, b, t) && leave(core, b);
+  if (has_news(b)) return enter(core, b) && slw_block_set(core, b) && settle(core, b, t) && leave(core, b);
+  for (uint32_t i = 0; i < b->n_sets; i++)
+    if (!b->sets[i].told && !set_group(core, b, &b->sets[i])) return false;
+  return true;
 }
 
 bool slw_block_parameter(slw_core *core, slw_block *b, const slw_group *group) {
-  if (b->timed && !enter(core, b)) return false;
+  const bool event = b->timed || (b->event_mode && !b->connected);
+  if (event && !enter(core, b)) return false;
   if (!passes(core, b, b->fmu->call->set(b->fmu, group), SLW_DOING_SET)) return false;
-  return !b->timed || (settle(core, b, slw_time(core)) && leave(core, b));
+  return !event || (settle(core, b, slw_time(core)) && leave(core, b));
 }
 
 /* ---- stepping ---- */
@@ -217,14 +241,22 @@ bool slw_block_finish_discarded(slw_core *core, slw_block *b) {
 
 /* ---- state ---- */
 
+/* What discrete inputs were set to, from one of the three places in `told` to another. */
+static void keep_told(slw_block *b, size_t from, size_t to) {
+  for (slw_group *g = b->sets; g < b->sets + b->n_sets; g++)
+    if (g->told) memcpy(g->told + to * g->n, g->told + from * g->n, g->n * sizeof *g->told);
+}
+
 bool slw_block_save(slw_core *core, slw_block *b, int slot) {
   if (b->timed && !b->kept[slot]) return slw_fail(core, SLW_DOING_STATE, SLW_ERROR, b, 0);
   for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) b->kept[slot][i] = b->clocks[i].next;
+  keep_told(b, 0, (size_t)slot + 1);
   return passes(core, b, b->fmu->call->get_state(b->fmu, &b->state[slot]), SLW_DOING_STATE);
 }
 
 bool slw_block_restore(slw_core *core, slw_block *b, int slot) {
   b->count.rollbacks++;
   for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) b->clocks[i].next = b->kept[slot][i];
+  keep_told(b, (size_t)slot + 1, 0);
   return passes(core, b, b->fmu->call->set_state(b->fmu, b->state[slot]), SLW_DOING_STATE);
 }

@@ -48,7 +48,7 @@ static bool begin(slw_core *core, slw_block *b, int64_t tick, double time) {
 static bool read_clock(slw_core *core, slw_block *b, slw_source_clock *c) {
   slw_cell on = {.integer = 0};
   bool native = false;
-  const slw_group group = {SLW_CLOCK, 1, 1, &c->vr, &on, &native, NULL};
+  const slw_group group = {SLW_CLOCK, 1, 1, &c->vr, &on, &native, NULL, NULL};
   if (!passes(core, b, b->fmu->call->get(b->fmu, &group))) return false;
   c->active = on.integer != 0;
   return true;

@@ -34,8 +34,9 @@ bool slw_core_write_blob(slw_core *core, uint32_t cell, const char *data, size_t
 bool slw_core_block(slw_core *core, slw_fmu *fmu, uint32_t multiple, bool event_mode, bool early_return,
                     uint32_t *block);
 
-typedef enum { SLW_SET, SLW_GET } slw_direction;
-/* Variables of one type that a block sets before, or gets after, a step; their cells are consecutive. */
+typedef enum { SLW_SET, SLW_GET, SLW_SET_DISCRETE } slw_direction;
+/* Variables of one type that a block sets before, or gets after, a step; their cells are consecutive.
+ * SLW_SET_DISCRETE, of a block with event mode: a change of them is an event, and they are set in it only. */
 bool slw_core_group(slw_core *core, uint32_t block, slw_direction direction, slw_type type, size_t n_vr,
                     const uint32_t *vr, size_t n, uint32_t first_cell);
 

@@ -51,6 +51,7 @@ typedef struct {
   slw_cell *cells;    /* [n] */
   void *native;       /* [n] in the FMU's own form of the type; NULL where the cells are that form */
   slw_blob *blobs;    /* strings and binaries: the table that cells[i].integer points into; else NULL */
+  int64_t *told;      /* set in event mode only: [3][n] what was set last, and at the states kept; else NULL */
 } slw_group;
 
 /* How to load an FMU; strings are copied. */

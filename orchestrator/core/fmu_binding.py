@@ -39,6 +39,7 @@ class Group(Structure):
         ("cells", c_void_p),
         ("native", c_void_p),
         ("blobs", c_void_p),
+        ("told", c_void_p),
     )
 
 

@@ -156,6 +156,11 @@ static bool without_end(slw_me *me) {
   me->events_in_a_row = close ? me->events_in_a_row + 1 : 0;
   me->last_event = me->at.t;
   if (me->events_in_a_row < MAX_EVENTS) return false;
+  if (me->at.timed && me->at.next < me->at.t && !one_time(me->at.next, me->at.t)) {
+    slw_fmu_logf(me->fmu, "the next event is to be at t = %.9g s, which has passed, also after %d events at t = %.9g s",
+                 me->at.next, MAX_EVENTS, me->at.t);
+    return true;
+  }
   slw_fmu_logf(me->fmu, "events without end (Zeno): %d in a row less than %g s apart at t = %.9g s", MAX_EVENTS,
                CLOSE_EVENTS * scale, me->at.t);
   return true;

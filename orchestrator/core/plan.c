@@ -73,6 +73,7 @@ static void free_groups(slw_group *groups, uint32_t n) {
   for (uint32_t i = 0; i < n; i++) {
     free((void *)(uintptr_t)groups[i].vr);
     free(groups[i].native);
+    free(groups[i].told);
   }
   free(groups);
 }
@@ -163,7 +164,7 @@ static bool make_group(slw_core *core, uint32_t block, slw_type type, size_t n_v
                        uint32_t first_cell, slw_group *group) {
   if (!known(core, block) || !inside(core, first_cell, n)) return false;
   if ((unsigned)type >= SLW_N_TYPES || n_vr == 0 || n < n_vr) return refuse(core, "a group without values", block);
-  *group = (slw_group){type, n_vr, n, NULL, core->cells + first_cell, NULL, NULL};
+  *group = (slw_group){type, n_vr, n, NULL, core->cells + first_cell, NULL, NULL, NULL};
   const size_t native = slw_native_size(core->blocks[block].fmu->fmi_version, type);
   if (type == SLW_STRING || type == SLW_BINARY) group->blobs = core->blobs;
   if (native && !(group->native = calloc(n, native))) return refuse(core, "no memory", 0);
@@ -177,14 +178,15 @@ bool slw_core_group(slw_core *core, uint32_t block, slw_direction direction, slw
   slw_group group;
   if (!make_group(core, block, type, n_vr, vr, n, first_cell, &group)) return false;
   slw_block *b = &core->blocks[block];
-  if (direction == SLW_SET) {
-    APPEND(core, b->sets, b->n_sets);
-    b->sets[b->n_sets - 1] = group;
-  } else {
+  if (direction == SLW_GET) {
     APPEND(core, b->gets, b->n_gets);
     b->gets[b->n_gets - 1] = group;
+    return true;
   }
-  return true;
+  APPEND(core, b->sets, b->n_sets);
+  slw_group *g = &b->sets[b->n_sets - 1];
+  *g = group;
+  return direction == SLW_SET || (g->told = calloc(3 * n, sizeof *g->told)) || refuse(core, "no memory", 0);
 }
 
 /* ---- clocks connected to each other ---- */

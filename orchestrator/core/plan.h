@@ -225,8 +225,9 @@ bool slw_block_finish_discarded(slw_core *core, slw_block *b); /* FMI 2 */
 /* Whether a step from t, the `whole` of it or a part, can have reached the time that its FMU told. */
 bool slw_time_told(slw_core *core, const slw_block *b, bool whole, double t, double h, double told);
 bool slw_block_initial_events(slw_core *core, slw_block *b);
-bool slw_block_tick_clocks(slw_core *core, slw_block *b);
-/* A tunable parameter, which may move clocks. */
+/* Before a step from t: its inputs, and (`clocks`) the clocks that tick at its begin. */
+bool slw_block_inputs(slw_core *core, slw_block *b, double t, bool clocks);
+/* A tunable parameter, in event mode where there is one. */
 bool slw_block_parameter(slw_core *core, slw_block *b, const slw_group *group);
 bool slw_block_save(slw_core *core, slw_block *b, int slot);
 bool slw_block_restore(slw_core *core, slw_block *b, int slot);
@@ -283,6 +284,9 @@ static inline double slw_distance(const slw_core *core, uint32_t cell, double a,
 /* pace.c */
 void slw_pace_wait(slw_core *core);
 double slw_clock_s(void);
+
+/* snapshot.c: FNV-1a, of more bytes after those of `hash`. */
+uint64_t slw_hashed(uint64_t hash, const void *data, size_t size);
 
 /* Its FMU asks to end the simulation. */
 void slw_end(slw_core *core, const slw_block *b);

@@ -40,9 +40,7 @@ static bool finish(slw_core *core) {
 static bool step_all(slw_core *core, double t, double h, bool clocks) {
   EACH(b) {
     const double before = core->timing ? slw_clock_s() : 0.0;
-    if (!slw_block_set(core, b) || (clocks && !slw_block_tick_clocks(core, b)) ||
-        !slw_block_step(core, b, t, h) || !slw_block_get(core, b))
-      return false;
+    if (!slw_block_inputs(core, b, t, clocks) || !slw_block_step(core, b, t, h) || !slw_block_get(core, b)) return false;
     if (core->timing) b->count.seconds += slw_clock_s() - before;
   }
   return true;

@@ -11,7 +11,7 @@ static bool apply(slw_core *core, const slw_change *c, bool parameters) {
   slw_cell value = c->value;
   uint64_t native; /* as large as any native form of a number */
   const slw_group group = {c->type, 1, 1, &c->target, &value,
-                           slw_native_size(b->fmu->fmi_version, c->type) ? &native : NULL, NULL};
+                           slw_native_size(b->fmu->fmi_version, c->type) ? &native : NULL, NULL, NULL};
   return slw_block_parameter(core, b, &group);
 }
 

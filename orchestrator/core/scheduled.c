@@ -44,7 +44,7 @@ void slw_scheduled_unlock(void) { locks--; }
 static slw_status read_output(slw_fmu *fmu, announced *c) {
   slw_cell on = {.integer = 0};
   bool native = false;
-  const slw_group group = {SLW_CLOCK, 1, 1, &c->vr, &on, &native, NULL};
+  const slw_group group = {SLW_CLOCK, 1, 1, &c->vr, &on, &native, NULL, NULL};
   const slw_status status = of(fmu)->base->get(fmu, &group);
   if (status <= SLW_WARNING && on.integer) c->fresh = of(fmu)->news = true;
   return status;

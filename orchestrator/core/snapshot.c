@@ -33,7 +33,7 @@ static bool take(slw_stream *s, void *data, size_t size) {
 }
 
 /* FNV-1a: tells damage and mistakes, not intent. */
-static uint64_t hashed(uint64_t hash, const void *data, size_t size) {
+uint64_t slw_hashed(uint64_t hash, const void *data, size_t size) {
   const unsigned char *bytes = data;
   for (size_t i = 0; i < size; i++) hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
   return hash;
@@ -42,7 +42,7 @@ static uint64_t hashed(uint64_t hash, const void *data, size_t size) {
 static uint64_t hashed_groups(uint64_t hash, const slw_group *groups, uint32_t n) {
   for (uint32_t i = 0; i < n; i++) {
     const uint64_t head[3] = {(uint64_t)groups[i].type, groups[i].n_vr, groups[i].n};
-    hash = hashed(hashed(hash, head, sizeof head), groups[i].vr, groups[i].n_vr * sizeof *groups[i].vr);
+    hash = slw_hashed(slw_hashed(hash, head, sizeof head), groups[i].vr, groups[i].n_vr * sizeof *groups[i].vr);
   }
   return hash;
 }
@@ -50,17 +50,17 @@ static uint64_t hashed_groups(uint64_t hash, const slw_group *groups, uint32_t n
 /* What the bytes, `size` of them and at least a header, must have as `check` to be of this plan. */
 static uint64_t check_of(const slw_core *core, const char *bytes, size_t size) {
   slw_header header;
-  uint64_t hash = hashed(UINT64_C(0xcbf29ce484222325), &core->step_s, sizeof core->step_s);
+  uint64_t hash = slw_hashed(UINT64_C(0xcbf29ce484222325), &core->step_s, sizeof core->step_s);
   for (const slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) {
-    hash = hashed(hash, &b->multiple, sizeof b->multiple);
+    hash = slw_hashed(hash, &b->multiple, sizeof b->multiple);
     for (uint32_t i = 0; b->timed && i < b->n_clocks; i++)
-      hash = hashed(hash, &b->clocks[i].vr, sizeof b->clocks[i].vr);
+      hash = slw_hashed(hash, &b->clocks[i].vr, sizeof b->clocks[i].vr);
     hash = hashed_groups(hashed_groups(hash, b->sets, b->n_sets), b->gets, b->n_gets);
   }
-  hash = hashed(hash, &core->max_halvings, sizeof core->max_halvings);
+  hash = slw_hashed(hash, &core->max_halvings, sizeof core->max_halvings);
   memcpy(&header, bytes, sizeof header);
   header.check = 0;
-  return hashed(hashed(hash, &header, sizeof header), bytes + sizeof header, size - sizeof header);
+  return slw_hashed(slw_hashed(hash, &header, sizeof header), bytes + sizeof header, size - sizeof header);
 }
 
 static slw_exchange *exchange_at(slw_core *core, uint32_t i) {
@@ -93,6 +93,8 @@ static bool take_faults(slw_core *core, slw_stream *s) {
 
 static bool put_fmu(slw_block *b, slw_stream *s) {
   for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) put(s, &b->clocks[i].next, sizeof b->clocks[i].next);
+  for (const slw_group *g = b->sets; g < b->sets + b->n_sets; g++)
+    if (g->told) put(s, g->told, g->n * sizeof *g->told);
   void *state = NULL;
   size_t size = 0;
   bool done = b->fmu->call->get_state(b->fmu, &state) <= SLW_WARNING;
@@ -109,6 +111,8 @@ static bool put_fmu(slw_block *b, slw_stream *s) {
 static bool take_fmu(slw_block *b, slw_stream *s) {
   for (uint32_t i = 0; b->timed && i < b->n_clocks; i++)
     if (!take(s, &b->clocks[i].next, sizeof b->clocks[i].next)) return false;
+  for (const slw_group *g = b->sets; g < b->sets + b->n_sets; g++)
+    if (g->told && !take(s, g->told, g->n * sizeof *g->told)) return false;
   uint64_t size = 0;
   void *state = NULL;
   if (!take(s, &size, sizeof size) || size > s->size - s->used) return false;

@@ -206,7 +206,7 @@ static bool advance(slw_core *core, slw_block *b) {
   if (b->path == SLW_FAST3) return fast3(core, f, t, core->step_s, &flags) && finite(core, f);
   if (slw_due(core, b)) {
     const double h = core->step_s * b->multiple;
-    if (!slw_block_set(core, b) || !slw_block_tick_clocks(core, b) || !slw_block_step(core, b, t, h)) return false;
+    if (!slw_block_inputs(core, b, t, true) || !slw_block_step(core, b, t, h)) return false;
   }
   return !slw_ready(core, b) || slw_block_get(core, b);
 }

@@ -142,7 +142,7 @@ static void ticked(slw_own_clock *c) {
 bool slw_activate(slw_core *core, slw_block *b, uint32_t vr, double time) {
   slw_cell on[2] = {{.integer = 1}, {.real = time}};
   bool native[2] = {true, true};
-  const slw_group group = {SLW_CLOCK, 1, 2, &vr, on, native, NULL};
+  const slw_group group = {SLW_CLOCK, 1, 2, &vr, on, native, NULL, NULL};
   return passes(core, b, b->fmu->call->set(b->fmu, &group), SLW_DOING_EVENT);
 }
 

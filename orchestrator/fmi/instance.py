@@ -26,6 +26,7 @@ from orchestrator.fmi import exchange, scheduled
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.library_check import unloadable
+from orchestrator.fmi.log_text import named, one_line
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import BLOBS, HUNG, STATUS, WARNING, WIRE, Value
 from specs.errors import HungError, InputError, RunError
@@ -83,7 +84,7 @@ class Instance:
         else:
             made = self.library.slw_fmu_load(ctypes.byref(options), error, ERROR_SIZE)
         if not made:
-            why = _one_line(error.value)
+            why = one_line(error.value)
             # The system's loader starts with the path, which the user does not know.
             why = why.removeprefix(f"{self.component.library}: ")
             file = unloadable(self.component.library)
@@ -290,13 +291,9 @@ class Instance:
         return found
 
     def _message(self, k: int) -> str:
-        return _one_line(self.library.slw_fmu_message(self.pointer, k)) if self.pointer.value else ""
-
-
-def _one_line(message: bytes) -> str:
-    """A foreign message without what would break lines or move the cursor of a terminal."""
-    text = " ".join(message.decode("utf-8", "replace").split())
-    return "".join(c if c.isprintable() else " " for c in text)
+        if not self.pointer.value:
+            return ""
+        return named(one_line(self.library.slw_fmu_message(self.pointer, k)), self.model)
 
 
 def resources(component: Component) -> bytes | None:

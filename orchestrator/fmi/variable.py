@@ -113,6 +113,11 @@ class Variable:
         """Whether it has dimensions."""
         return bool(self.dimensions)
 
+    @property
+    def start_settable(self) -> bool:
+        """Whether an importer may change its start value: of parameters, inputs, and states at the start."""
+        return self.variability != "constant" and self.initial in ("exact", "approx") and self.type != "Clock"
+
 
 def size_of(variable: Variable, structural: Mapping[str, int]) -> int:
     """Number of elements; `structural`: the values of the FMU's structural parameters by name."""

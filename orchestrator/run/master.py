@@ -285,13 +285,14 @@ class Master:
         )
 
     def _why(self, failure: Any, instance: Instance | None) -> str:
-        tolerance = self.options.settings.tolerance
+        tolerance, halvings = self.options.settings.tolerance, self.options.settings.max_halvings
+        least_s = self.system.step_s / 2 ** self.system.halvings(halvings)
         words = {
             binding.NOT_FINITE: f"output {self._cell(failure.cell)} became {self.plan.reals[failure.cell]}",
             binding.NOT_IN_TABLE: f"{self._cell(failure.cell)} = {self.plan.integers[failure.cell]} "
             "is in no entry of its mapping",
             binding.STEP_TOO_SMALL: f"{self._cell(failure.cell)} misses the tolerance {tolerance:g} with the "
-            f"smallest step{self._loops()}",
+            f"smallest step, {least_s:g} s{self._loops()}",
             binding.RETURNED_EARLY: "it returned early, unasked",
             binding.NO_PROGRESS: "the FMU does not advance: it returns early or iterates events without end",
             binding.INJECTED: "a fault of the scenario made it fail",

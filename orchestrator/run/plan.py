@@ -7,7 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.core.binding import ALGORITHM, CLOCK_KIND, GET, SET, SINK, TARGET, Cell, library
+from orchestrator.core.binding import (
+    ALGORITHM,
+    CLOCK_KIND,
+    GET,
+    SET,
+    SET_DISCRETE,
+    SINK,
+    TARGET,
+    Cell,
+    library,
+)
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.units import IDENTITY
@@ -66,9 +76,9 @@ class Plan:
                 references = indices(g.references)
                 if g.clocks:
                     continue
-                self.call(
-                    "group", number, direction, g.wire, len(references), pointer(references), g.size, g.first
-                )
+                many = (len(references), pointer(references), g.size, g.first)
+                how = SET_DISCRETE if direction == SET and g.discrete else direction
+                self.call("group", number, how, g.wire, *many)
 
     def clocks(self) -> None:
         """Clocks that the run ticks, clocks that tick each other, and what these clock; after all blocks."""
@@ -152,7 +162,7 @@ class Plan:
             ALGORITHM[settings.algorithm],
             settings.tolerance,
             settings.max_iterations,
-            settings.max_halvings,
+            self.system.halvings(settings.max_halvings),
         )
         order, loop = indices(self.layout.order.positions), indices(self.layout.order.loop)
         self.call("order", pointer(order), pointer(loop))

@@ -96,6 +96,18 @@ def clock_of(links: Sequence[ClockLink], component: Component, variable: Variabl
     return next((name for name in variable.clocks if name in known), "")
 
 
+def in_events(links: Sequence[ClockLink], component: Component, variable: Variable) -> bool:
+    """Whether a variable is an input that is set in event mode only: discrete, with event mode (FMI 3.0).
+
+    Components with connected clocks have the events of their clocks only: inputs are set with every step.
+    """
+    model = component.model
+    if not model.has_event_mode or model.scheduled or variable.clocks or variable.causality != "input":
+        return False
+    owners = {end.owner for link in links for end in (link.source, link.target)}
+    return variable.variability == "discrete" and component.name not in owners
+
+
 def _check_ends(source: Variable, target: Variable, shown: str) -> None:
     gives, takes = _kind(source), _kind(target)
     if not (takes == TRIGGERED and target.causality == "input"):

@@ -10,14 +10,13 @@ Pure data: the stepping, whatever does it, needs nothing else of the system desc
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from operator import itemgetter
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.variable import BLOBS, BOOLEANS, WIRE
 from orchestrator.ssp.conversion import Conversion
 from orchestrator.ssp.description import Port
-from orchestrator.system.clock_links import clock_of, moving_with
+from orchestrator.system.clock_links import clock_of, in_events, moving_with
 from orchestrator.system.link import Link
 from orchestrator.system.order import Order, dependency_order
 from orchestrator.system.stimuli import explain
@@ -46,7 +45,7 @@ class Slot:
 class Group:
     """Variables of one type that one FMI call moves: slw_type, value references, cells.
 
-    `clocks`: those that they move with; (): they move with every step
+    `clocks`: those that they move with; (): they move with every step.  `discrete`: set in event mode
     """
 
     wire: int
@@ -54,6 +53,7 @@ class Group:
     first: int
     size: int
     clocks: tuple[str, ...] = ()
+    discrete: bool = False
 
 
 @dataclass(frozen=True)
@@ -213,10 +213,9 @@ class _Builder:
         self, component: Component, names: Iterable[str], known: dict[Port, Slot]
     ) -> list[tuple[str, Slot]]:
         """Variables of one type side by side, so that one FMI call moves them all."""
-        wire = WIRE[component.model.fmi_version]
         variables = [component.model.variables[name] for name in dict.fromkeys(names)]
         placed = []
-        for v in sorted(variables, key=lambda v: (wire[v.type], self.clocks(component, v.name), v.vr)):
+        for v in sorted(variables, key=lambda v: (self.together(component, v.name), v.vr)):
             slot = self.slot(component.size(v), v.type)
             known[Port(component.name, v.name)] = slot
             placed.append((v.name, slot))
@@ -236,9 +235,11 @@ class _Builder:
         links = self.system.clock_links
         return clock_of(links, component, component.model.variables[name]) if links else ""
 
-    def clocks(self, component: Component, name: str) -> tuple[str, ...]:
-        """All clocks that a variable moves with."""
-        return moving_with(self.system.clock_links, component, component.model.variables[name])
+    def together(self, component: Component, name: str) -> tuple[int, tuple[str, ...], bool]:
+        """What variables of one group have in common: type, clocks, whether set in event mode only."""
+        variable, links = component.model.variables[name], self.system.clock_links
+        clocks = moving_with(links, component, variable)
+        return WIRE[component.model.fmi_version][variable.type], clocks, in_events(links, component, variable)
 
     def unclocked(self) -> list[Link]:
         """Links of values that move with every step."""
@@ -246,14 +247,13 @@ class _Builder:
         return [e for e in self.system.links if not self.clock(known[e.target.owner], e.target.name)]
 
     def groups(self, component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:
-        """Runs of one type, and of the same clocks, that stand side by side."""
-        wire = WIRE[component.model.fmi_version]
-        clocked = ((wire[slot.type], self.clocks(component, name), name, slot) for name, slot in placed)
+        """Runs of those that belong together."""
         groups = []
-        for (kind, clocks), run in groupby(clocked, key=itemgetter(0, 1)):
-            members = [(component.model.variables[name].vr, slot) for _, _, name, slot in run]
+        for common, run in groupby(placed, key=lambda member: self.together(component, member[0])):
+            members = list(run)
+            references = tuple(component.model.variables[name].vr for name, _ in members)
             size = sum(slot.size for _, slot in members)
-            groups.append(Group(kind, tuple(vr for vr, _ in members), members[0][1].first, size, clocks))
+            groups.append(Group(common[0], references, members[0][1].first, size, *common[1:]))
         return tuple(groups)
 
     def log(self) -> tuple[Logged, ...]:

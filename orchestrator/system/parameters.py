@@ -71,12 +71,7 @@ class Parameters:
     def _settable(self, path: str, name: str) -> bool:
         """Parameters, inputs, and what else has a start value that may be changed."""
         variable = self.graph.components[path].model.variables.get(name)
-        return (
-            variable is not None
-            and variable.variability != "constant"
-            and variable.initial in ("exact", "approx")
-            and variable.type != "Clock"
-        )
+        return variable is not None and variable.start_settable
 
     def _set_variable(self, path: str, name: str, value: ParameterValue) -> None:
         component = self.graph.components[path]

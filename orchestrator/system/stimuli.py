@@ -4,19 +4,23 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from orchestrator.system.system import System
+from orchestrator.fmi.variable import BLOBS, BOOLEANS, RANGES, Scalar, Value
+from orchestrator.system.system import System, SystemInput
 from specs.errors import InputError, nearest
 from specs.signals import signals
 
 
 @dataclass(frozen=True)
 class Stimuli:
-    """`changes`: tick -> {system input: value in the unit of its connector}, held until the next change."""
+    """`changes`: tick -> {system input: value in the unit of its connector}, held until the next change.
 
-    changes: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
+    The value of an array is a tuple.
+    """
+
+    changes: Mapping[int, Mapping[str, Value]] = field(default_factory=dict)
 
     @classmethod
-    def constant(cls, **values: float) -> "Stimuli":
+    def constant(cls, **values: Value) -> "Stimuli":
         """The same values from the first tick on."""
         return cls({0: values})
 
@@ -30,8 +34,28 @@ class Stimuli:
                     raise InputError(
                         f"system {system.name} has no input '{name}'{explain(name, system.inputs)}"
                     )
-                if not math.isfinite(value):
-                    raise InputError(f"input {name} is {value} at tick {tick}; it must be finite")
+                _check_value(system.inputs[name], value, tick)
+
+
+def _check_value(given: SystemInput, value: Value, tick: int) -> None:
+    """InputError for what the input cannot hold."""
+    numbers = value if isinstance(value, tuple) else (value,)
+    if len(numbers) != given.size:
+        raise InputError(f"input {given.name} has {given.size} elements, not {len(numbers)} (tick {tick})")
+    if given.type in BLOBS:
+        raise InputError(f"input {given.name} is of type {given.type}; only numbers can be set (tick {tick})")
+    for number in numbers:
+        _check_number(given, number, f"input {given.name} is {number} at tick {tick}")
+
+
+def _check_number(given: SystemInput, number: Scalar, shown: str) -> None:
+    if isinstance(number, str | bytes) or not math.isfinite(number):
+        raise InputError(f"{shown}; it must be finite")
+    if given.type not in RANGES and given.type not in BOOLEANS:
+        return
+    least, most = RANGES.get(given.type, (0, 1))
+    if not (number == int(number) and least <= number <= most):
+        raise InputError(f"{shown}; valid: whole numbers of {least} … {most} ({given.type})")
 
 
 def explain(name: str, choices: Mapping[str, object]) -> str:

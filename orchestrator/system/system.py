@@ -160,27 +160,45 @@ class System:
                     f"{component}: algorithm 'adaptive' changes the step, but its FMU cannot handle that "
                     "(canHandleVariableCommunicationStepSize)"
                 )
-            internal = component.model.fixed_internal_step_s
-            if algorithm == "adaptive" and internal and self.step_s < 2.0 * internal * (1.0 - SLACK):
+            if algorithm == "adaptive" and self._halvings(component, 0) < 0:
                 raise InputError(
                     f"{component}: algorithm 'adaptive' halves the step of {self.step_s:g} s, but its FMU "
-                    f"steps {internal:g} s at least (fixedInternalStepSize)"
+                    f"steps whole multiples of {component.model.fixed_internal_step_s:g} s "
+                    "(fixedInternalStepSize)"
                 )
+
+    def halvings(self, asked: int) -> int:
+        """How often `adaptive` may halve the step: half of the smallest one suits fixed internal steps."""
+        return max(0, min((self._halvings(c, asked) for c in self.components.values()), default=asked))
+
+    def _halvings(self, component: Component, asked: int) -> int:
+        internal, found = component.model.fixed_internal_step_s, -1
+        if not internal or component.multiple != 1:
+            return asked
+        multiple = self.step_s / internal
+        while (
+            found < asked and round(multiple) % 2 == 0 and abs(multiple - round(multiple)) < SLACK * multiple
+        ):
+            multiple, found = multiple / 2.0, found + 1
+        return found
 
 
 def parameter(component: Component, name: str, also: Iterable[str] = ()) -> Variable:
     """The parameter `name` of a component; InputError with the nearest parameters.
 
-    `also`: further causalities that are accepted.  Structural parameters that give arrays their size are
-    refused: the sizes of what is connected were checked with the values of the description.
+    Outputs and local variables that have a start value, such as states, pass for parameters.  `also`: further
+    causalities that are accepted.  Structural parameters that give arrays their size are refused: the sizes
+    of what is connected were checked with the values of the description.
     """
     variables = component.model.variables
     found = variables.get(name)
     if found is None:
         valid = [v.name for v in variables.values() if v.causality == "parameter"]
         raise InputError(f"component {component.name} has no parameter '{name}'; {nearest(name, valid)}")
-    if found.causality not in ("parameter", "structuralParameter", *also):
-        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter")
+    state = found.causality in ("output", "local") and found.start_settable
+    if not state and found.causality not in ("parameter", "structuralParameter", *also):
+        why = "" if found.causality == "input" else ", and has no start value that can be set"
+        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter{why}")
     if any(name in v.dimensions for v in variables.values()):
         raise InputError(
             f"{component.name}.{name} gives arrays their size; it can only be set in the system description"

@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { OSCILLATOR, BALL, ENDLESS, BROKEN, STAIR, LAG, CHATTER, WATCHED };
+enum { OSCILLATOR, BALL, ENDLESS, BROKEN, STAIR, LAG, CHATTER, WATCHED, PAST };
 /* Value references: 0 time, 1 x, 2 x', 3 v, 4 v', 5 u, 6 mu, 7 y = x + u; 8 kind, 9 count. */
 typedef struct {
   double time, x[2], u, mu, last;
@@ -24,6 +24,10 @@ typedef struct {
 
 static void start(model *m) {
   m->mu = 1.0, m->x[0] = 2.0, m->x[1] = 0.0;
+}
+
+static double *settable(model *m, unsigned vr) {
+  return vr == 1 ? &m->x[0] : vr == 3 ? &m->x[1] : vr == 5 ? &m->u : &m->mu;
 }
 
 static void initialise(model *m) {
@@ -59,7 +63,8 @@ static double event(model *m, bool *more, bool *changed) {
     *more = m->time >= 0.5;
     return m->time < 0.5 ? 0.5 : 1e9;
   }
-  return m->time - 1.0;
+  if (m->kind == PAST && m->time >= 0.5) return 0.25;
+  return m->kind == PAST ? 0.5 : m->time - 1.0;
 }
 
 /* The master may not go back behind a step that it said was done. */

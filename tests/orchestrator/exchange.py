@@ -8,7 +8,7 @@ from fmus.toolchain import compiler
 from fmus.toolchain.build import SHIM, pack
 
 HERE = Path(__file__).parent
-OSCILLATOR, BALL, ENDLESS, BROKEN, STAIR, LAG, CHATTER, WATCHED = range(8)
+OSCILLATOR, BALL, ENDLESS, BROKEN, STAIR, LAG, CHATTER, WATCHED, PAST = range(9)
 # name, value reference, causality, variability, further attributes; the last two are whole numbers
 VARIABLES = (
     ("time", 0, "independent", "continuous", {}),

@@ -44,7 +44,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component instance, fmi2EventInfo *info) {
   bool more, changed;
   memset(info, 0, sizeof *info);
   info->nextEventTime = event(M, &more, &changed);
-  info->nextEventTimeDefined = info->nextEventTime >= M->time;
+  info->nextEventTimeDefined = info->nextEventTime >= M->time || M->kind == PAST;
   info->newDiscreteStatesNeeded = more, info->valuesOfContinuousStatesChanged = changed;
   CHECKED(!M->continuous);
 }
@@ -84,7 +84,7 @@ fmi2Status fmi2GetReal(fmi2Component instance, const fmi2ValueReference *vr, siz
   CHECKED(true);
 }
 fmi2Status fmi2SetReal(fmi2Component instance, const fmi2ValueReference *vr, size_t n, const fmi2Real *values) {
-  for (size_t i = 0; i < n; i++) *(vr[i] == 5 ? &M->u : &M->mu) = values[i];
+  for (size_t i = 0; i < n; i++) *settable(M, vr[i]) = values[i];
   CHECKED(!M->continuous);
 }
 fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference *vr, size_t n, fmi2Integer *values) {

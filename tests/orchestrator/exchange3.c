@@ -41,7 +41,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *more, fm
                                     fmi3Float64 *next) {
   *terminate = *nominals = false;
   *next = event(M, more, changed);
-  *timed = *next >= M->time;
+  *timed = *next >= M->time || M->kind == PAST;
   CHECKED(!M->continuous);
 }
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
@@ -82,7 +82,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference *vr, s
 }
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference *vr, size_t n, const fmi3Float64 *values,
                           size_t n_values) {
-  for (size_t i = 0; i < n; i++) *(vr[i] == 5 ? &M->u : &M->mu) = values[i];
+  for (size_t i = 0; i < n; i++) *settable(M, vr[i]) = values[i];
   CHECKED(n == n_values && !M->continuous);
 }
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference *vr, size_t n, fmi3Int32 *values,

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from orchestrator.files import xml_file
-from orchestrator.fmi.variable import Variable
+from orchestrator.fmi.variable import Value, Variable
 from orchestrator.run.simulate import simulate
 from orchestrator.ssp.ssc import Definitions
 from orchestrator.ssp.ssv import read_parameter_set
 from orchestrator.system.check import load_system
 from orchestrator.system.stimuli import Stimuli
-from orchestrator.system.system import System
+from orchestrator.system.system import System, SystemInput, SystemOutput
 from specs.errors import InputError
 from verification.reference import series
 from verification.reference.experiments import Experiment
@@ -51,7 +51,8 @@ def run(
     begin = experiment.start_s if experiment.start_s is not None else system.start_s
     end = experiment.stop_s if experiment.stop_s is not None else float(wanted.time[-1])
     ticks = max(0, round((end - begin) / system.step_s))
-    names, notes = _compared_names(system, wanted, experiment, where)
+    places = _columns(system.outputs)
+    names, notes = _compared_names(system, places, wanted, experiment, where)
     stimuli, driven = _stimuli(system, experiment, begin, ticks, path)
     notes += driven
     values = _parameters(system, experiment, path)
@@ -60,7 +61,7 @@ def run(
         ticks,
         stimuli,
         values,
-        record=names,
+        record=list(dict.fromkeys(places[n] for n in names)),
         start_s=begin,
         tell_tolerance=experiment.tolerance,
         seed=0,
@@ -85,14 +86,24 @@ def _spacing(wanted: Series) -> float | None:
     return round(float(steps.mean()), 12) if even else None
 
 
+def _columns(connectors: Mapping[str, SystemInput] | Mapping[str, SystemOutput]) -> dict[str, str]:
+    """The connector of each column: of an array one for each element, NAME[1] and so on."""
+    found = {}
+    for name, connector in connectors.items():
+        elements = [name] if connector.size == 1 else [f"{name}[{k}]" for k in range(1, connector.size + 1)]
+        found |= dict.fromkeys(elements, name)
+    return found
+
+
 def _compared_names(
-    system: System, wanted: Series, experiment: Experiment, where: str
+    system: System, places: Mapping[str, str], wanted: Series, experiment: Experiment, where: str
 ) -> tuple[list[str], list[str]]:
-    asked = experiment.signals or tuple(wanted.columns)
-    lacking = [n for n in asked if n not in system.outputs and n not in system.inputs]
+    known = {*places, *places.values(), *_columns(system.inputs)}
+    lacking = [n for n in experiment.signals or wanted.columns if n not in known]
     if experiment.signals and lacking:
         raise InputError(f"{where}: {lacking[0]} is no output of {system.name}")
-    names = [n for n in asked if n in system.outputs and n in wanted.columns]
+    asked = [n for n in places if {n, places[n]} & set(experiment.signals)] or list(wanted.columns)
+    names = [n for n in asked if n in places and n in wanted.columns]
     if not names:
         raise InputError(f"{where}: the reference has no number of an output of {system.name}")
     notes = [f"{n} is no output" for n in lacking] + [f"{n} is text" for n in wanted.texts]
@@ -106,14 +117,23 @@ def _stimuli(
         return Stimuli(), []
     name, content = experiment.stimuli
     given = series.read(content, f"{path}: {name}")
-    names = [n for n in given.columns if n in system.inputs]
+    places = _columns(system.inputs)
+    names = list(dict.fromkeys(places[n] for n in given.columns if n in places))
     time = begin + np.arange(ticks + 1) * system.step_s
-    columns = {n: given.at(_input(system, n), time) for n in names}
-    left = [n for n in (*given.columns, *given.texts) if n not in names]
+    columns = {n: given.at(n, _input(system, places[n]), time) for n in places if n in given.columns}
+    left = [n for n in (*given.columns, *given.texts) if n not in places]
     notes = [f"no number of an input, left out of the stimuli: {', '.join(left)}"] if left else []
-    if not names:
-        return Stimuli(), notes
-    return Stimuli({k: {n: float(c[k]) for n, c in columns.items()} for k in range(ticks + 1)}), notes
+    return Stimuli(
+        {k: {n: _value(columns, places, n, k) for n in names} for k in range(ticks + 1) if names}
+    ), notes
+
+
+def _value(columns: Mapping[str, np.ndarray], places: Mapping[str, str], name: str, tick: int) -> Value:
+    """An input's value at a tick: of an array a tuple."""
+    values = tuple(
+        c[tick] if c.dtype == object else float(c[tick]) for n, c in columns.items() if places[n] == name
+    )
+    return values if len(values) > 1 else next(iter(values))
 
 
 def _input(system: System, name: str) -> Variable:
@@ -144,19 +164,19 @@ def _placed(system: System, values: Mapping[str, Any]) -> Iterator[tuple[str, An
 def _compare(
     name: str, found: np.ndarray, wanted: Series, begin: float, step_s: float, tolerance: float
 ) -> Compared:
-    """At the reference's times that are ticks; where rows share a time, the last one counts."""
-    last = np.append(np.diff(wanted.time) > 0.0, True)
-    time, reference = wanted.time[last], wanted.columns[name][last]
-    tick = (time - begin) / step_s
+    """At the reference's times that are ticks; where rows share a time, an event, the nearest one counts."""
+    reference = wanted.columns[name].astype(float)
+    tick = (wanted.time - begin) / step_s
     near = np.round(tick).astype(int)
     kept = (np.abs(tick - near) < ON * np.maximum(1.0, np.abs(tick))) & (near >= 0) & (near < len(found))
     if not kept.any():
         raise InputError(
             f"the reference of {name} has no time that is a multiple of the step of {step_s:g} s"
         )
-    time, reference, shown = time[kept], reference[kept], found[near[kept]]
-    difference = np.where(np.isnan(reference) & np.isnan(shown), 0.0, np.abs(shown - reference))
-    difference = np.where(np.isnan(difference), np.inf, difference)
+    time, reference, shown = wanted.time[kept], reference[kept], found[near[kept]]
+    off = np.where(np.isnan(reference) & np.isnan(shown), 0.0, np.abs(shown - reference))
+    first = np.flatnonzero(np.append(True, np.diff(time) > 0.0))
+    difference = np.minimum.reduceat(np.where(np.isnan(off), np.inf, off), first)
     at = int(np.argmax(difference))
     size = float(np.max(np.abs(reference[np.isfinite(reference)]), initial=0.0))
-    return Compared(name, float(difference[at]), float(time[at]), tolerance * size)
+    return Compared(name, float(difference[at]), float(time[first[at]]), tolerance * size)

@@ -1,11 +1,12 @@
 """Tables over time as the FMI project writes them (CSV): reference inputs and results.
 
-The first column is the time. Several rows may stand at one time: an event, after which the last one counts.
+The first column is the time. Several rows may stand at one time: an event; of inputs the last one counts.
+An array stands in one column, its numbers separated by spaces, row by row: here columns NAME[1], NAME[2] …
 """
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from orchestrator.fmi.variable import REALS, Variable
 from specs.errors import InputError
 
 WORDS = {"true": 1.0, "false": 0.0}
+EXACT = 2**53  # up to here a float holds every whole number
 
 
 @dataclass(frozen=True)
@@ -29,9 +31,8 @@ class Series:
         at = np.searchsorted(self.time, time + 1e-9 * _size(self.time), side="right") - 1
         return self.columns[name][np.maximum(at, 0)]
 
-    def at(self, variable: Variable, time: np.ndarray) -> np.ndarray:
-        """An input at each time: linear between rows for a continuous real, else held."""
-        name = variable.name
+    def at(self, name: str, variable: Variable, time: np.ndarray) -> np.ndarray:
+        """A column of an input at each time: linear between rows for a continuous real, else held."""
         if variable.type not in REALS or variable.variability != "continuous":
             return self.held(name, time)
         held = self.held(name, time)
@@ -61,17 +62,35 @@ def read(content: bytes, shown: str) -> Series:
         if len(row) != len(head):
             raise InputError(f"{shown} line {line}: {len(row)} cells under {len(head)} names")
     cells = list(zip(*(row for _, row in rows[1:]), strict=True))
-    columns = {
-        n: c for n, c in ((n, _numbers(c)) for n, c in zip(head[1:], cells[1:], strict=True)) if c is not None
-    }
+    columns: dict[str, np.ndarray] = {}
+    texts = []
+    for name, column in zip(head[1:], cells[1:], strict=True):
+        found = _elements(name, column)
+        columns |= found
+        texts += [] if found else [name]
     time = _numbers(cells[0])
     if time is None or not np.isfinite(time).all() or np.any(np.diff(time) < 0.0):
         raise InputError(f"{shown}: column {head[0]} is no time that rises")
-    return Series(time, columns, tuple(n for n in head[1:] if n not in columns))
+    return Series(time, columns, tuple(texts))
 
 
-def _numbers(cells: tuple[str, ...]) -> np.ndarray | None:
+def _elements(name: str, cells: Sequence[str]) -> dict[str, np.ndarray]:
+    """A column of numbers, or those of an array's elements; {}: of texts."""
+    rows = [cell.split() for cell in cells]
+    if len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        found = _numbers(cells)
+        return {} if found is None else {name: found}
+    parts = [_numbers(part) for part in zip(*rows, strict=True)]
+    found = {f"{name}[{k}]": part for k, part in enumerate(parts, 1) if part is not None}
+    return found if len(found) == len(parts) else {}
+
+
+def _numbers(cells: Sequence[str]) -> np.ndarray | None:
+    """Floats; Python's integers where whole numbers are among them that no float holds; None: no numbers."""
     try:
-        return np.array([WORDS[c] if (c := cell.strip().lower()) in WORDS else float(c) for cell in cells])
+        found = [WORDS[c] if (c := cell.strip().lower()) in WORDS else float(c) for cell in cells]
     except ValueError:
         return None
+    if all(cell.strip().lstrip("+-").isdecimal() for cell in cells) and max(map(abs, found)) >= EXACT:
+        return np.array([int(cell) for cell in cells], dtype=object)
+    return np.array(found)

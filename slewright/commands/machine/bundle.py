@@ -151,13 +151,13 @@ def _check_fmu(fmu: Path | None, can: bool, controller: str, engine: str, out: P
 def _write_fmu(made: Any, path: Path, can: bool) -> str:
     """Write it; what it is."""
     from deployment.bundling.fmu import build_fmu
-    from deployment.network import nodes, system
+    from deployment.network import reference, system
 
     if path.suffix == ".ssp":
         system.over_the_bus(made, path)
         return "its control core and the reference machine on a CAN bus"
     if can:
-        nodes.build_controller(made, path)
+        reference.build_controller(made, path)
         return "its control core as an FMU with CAN (FMI-LS-BUS) and plain signals"
     build_fmu(made, path)
     return "its control core as an FMU"

@@ -15,6 +15,7 @@ from slewright.progress import progress
 from specs.errors import InputError, nearest
 
 ROUNDING = 1e-9  # relative: 0.3 / 0.1 is not quite 3
+EXACT = 2**53  # up to here a float holds every whole number
 
 
 def simulate(
@@ -63,7 +64,8 @@ def simulate(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="A parameter (component.parameter) or input of the system, for the whole run (repeatable).",
+            help="A parameter or start value (component.variable) or an input of the system, for the whole "
+            "run (repeatable); an array's numbers separated by commas.",
         ),
     ] = None,
     tell_stop: Annotated[
@@ -131,10 +133,10 @@ def simulate(
     figures_file.write(json, {"run_hash": found.meta["run_hash"], "statistics": statistics, **said}, seed)
 
 
-def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict[str, float]]:
+def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parameters, and inputs of the system, by name; InputError for what is no NAME=VALUE."""
     parameters: dict[str, Any] = {}
-    inputs: dict[str, float] = {}
+    inputs: dict[str, Any] = {}
     for text in given:
         name, equals, value = text.partition("=")
         if not (name and equals):
@@ -146,13 +148,25 @@ def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict
                     f"--set {text}: the system has no input or parameter of that name; {nearest(name, own)}; "
                     f"of its components: COMPONENT.PARAMETER, with {', '.join(system.components)}"
                 )
-            parameters[name] = _value(value)
+            parameters[name] = _values(value, _is_array(system, name))
             continue
-        number = _value(value)
+        number = _values(value, system.inputs[name].size > 1)
         if isinstance(number, str):
             raise InputError(f"--set {text}: input {name} needs a number")
         inputs[name] = number
     return parameters, inputs
+
+
+def _is_array(system: Any, name: str) -> bool:
+    links = system.parameters[name].links if name in system.parameters else ()
+    ends = [(system.components[e.target.owner], e.target.name) for e in links] or [system.split(name)]
+    return any(v is not None and v.array for v in (c.model.variables.get(inner) for c, inner in ends))
+
+
+def _values(text: str, array: bool) -> Any:
+    """A value; of an array a tuple where there are several."""
+    parts = text.replace(",", " ").split() if array else []
+    return tuple(_value(part) for part in parts) if len(parts) > 1 else _value(text)
 
 
 def _value(text: str) -> float | bool | str:
@@ -160,9 +174,10 @@ def _value(text: str) -> float | bool | str:
     if text in ("true", "false"):
         return text == "true"
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         return text
+    return int(text) if abs(number) >= EXACT and text.lstrip("+-").isdecimal() else number
 
 
 def _ticks(system: Any, start: float, stop: float | None) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from deployment.network import nodes, system
+from deployment.network import nodes, reference, system
 from fmus.toolchain.build import pack
 from orchestrator.fmi.instance import Instance
 from orchestrator.run.master import Master, Options
@@ -27,8 +27,10 @@ from slewright import __main__ as entry
 from specs import scenario
 from specs.errors import InputError
 from specs.schema import ROOT
+from tests.conftest import Command
 from tests.fmus.network import operations as op
 from tests.runtime.bundles import built
+from verification.reference import experiments, series
 from verification.runs import plant_parameters
 
 SEED, DURATION_S, CYCLE_S = 5, 8.0, 0.02
@@ -291,3 +293,21 @@ def test_values_are_set_on_the_command_line(
     given = ["--set", "target_x=7", "--set", "bus.drop_probability=1", "--set", "controller.plain=false"]
     assert entry.run([*line, *given]) == 0
     assert records.read(out).column("bus.dropped")[-1] > 300
+
+
+def test_the_controller_does_what_it_carries(slewright_here: Command, tmp_path: Path) -> None:
+    """Three seconds with the machine by plain signals; another parameter, and the outputs differ."""
+    fmu = reference.build_controller(built(), tmp_path / "c.fmu")
+    (experiment,) = experiments.read(fmu)
+    assert experiment.references is not None
+    found = series.read(experiment.references[1], "outputs.csv").columns
+    assert found["control_mode"][-1] == 3.0  # automatic
+    assert np.ptp(found["u_slew"]) > 0.2
+    assert not found["fault_code"].any()
+    assert slewright_here("check", fmu, "--reference").returncode == 0
+    with zipfile.ZipFile(fmu) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    (changed,) = (name for name in files if name.endswith("inputs.csv"))
+    files[changed] = files[changed].replace(b",7,7,4,", b",7,6,4,")
+    fmu.write_bytes(pack(files))
+    assert slewright_here("check", fmu, "--reference").returncode == 1

@@ -8,10 +8,12 @@ import pytest
 
 from fmus.toolchain import compiler
 from fmus.toolchain.build import SHIM, pack
+from orchestrator.fmi.log_text import named
 from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
 from specs.errors import InputError
 from tests.conftest import Command
+from tests.orchestrator.every import every
 
 SOURCE = Path(__file__).parents[1] / "talker.c"
 STEPS, VALUES = (tuple(f"{name} at {t:g} s" for t in (0.0, 0.1)) for name in ("steps", "values"))
@@ -86,3 +88,17 @@ def test_an_unknown_category_is_named_with_the_choices(
     assert done.returncode == 2
     assert "'stps'; valid: broken, steps, values, all" in done.stderr
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("version", "text", "shown"),
+    [
+        (2, "#r1# of #i61# is 3 ## 4", "Real.in of Integer.in is 3 # 4"),
+        (2, "#b1# and #r999# and # alone", "#b1# and #r999# and # alone"),
+        (3, "#r1# ##", "#r1# ##"),
+    ],
+)
+def test_messages_show_the_names_that_they_refer_to(
+    tmp_path: Path, version: int, text: str, shown: str
+) -> None:
+    assert named(text, every(version, tmp_path).component.model) == shown

@@ -21,6 +21,7 @@ from tests.orchestrator.exchange import (
     ENDLESS,
     LAG,
     OSCILLATOR,
+    PAST,
     STAIR,
     WATCHED,
     exchange,
@@ -112,6 +113,7 @@ def test_steps_of_the_solver_go_past_communication_points(tmp_path: Path, fmi_ve
     [
         (ENDLESS, "events without end (Zeno): 50 in a row less than 2.5533e-09 s apart at t = 2.5532986"),
         (BROKEN, "der(v) is not a number at t = 0.5"),
+        (PAST, "the next event is to be at t = 0.25 s, which has passed, also after 50 events at t = 0.5 s"),
         (CHATTER, "the event at t = 0.5 s never ends: after 1000 iterations it wants another"),
     ],
 )

@@ -202,6 +202,26 @@ def test_the_fixed_internal_step_is_respected(tmp_path: Path) -> None:
     load(tmp_path, ssd([component("c", "c")], step="0.03"), fmus)
 
 
+@pytest.mark.parametrize(
+    ("step", "halvings"), [("0.04", 1), ("0.02", 0), ("0.06", 0), ("0.01", None), ("0.03", None)]
+)
+def test_adaptive_keeps_to_multiples_of_the_fixed_internal_step(
+    tmp_path: Path, step: str, halvings: int | None
+) -> None:
+    variables = '<Float64 name="y" valueReference="1" causality="output"/>'
+    able = 'canHandleVariableCommunicationStepSize="true" canGetAndSetFMUState="true"'
+    fmus = {"c": paper(tmp_path, "c", variables, 3, f'fixedInternalStepSize="0.01" {able}')}
+    system = load(tmp_path, ssd([component("c", "c")], step=step), fmus)
+    if halvings is None:
+        with pytest.raises(
+            InputError, match=f"halves the step of {step} s, but its FMU steps whole multiples of 0.01"
+        ):
+            system.check_algorithm("adaptive")
+    else:
+        system.check_algorithm("adaptive")
+        assert system.halvings(16) == halvings
+
+
 def test_the_documented_annotation_is_read() -> None:
     text = (ROOT / "docs" / "reference" / "ssp.md").read_text()
     example = text.split("```xml\n")[1].split("```")[0]

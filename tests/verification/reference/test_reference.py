@@ -14,6 +14,7 @@ from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
 from orchestrator.system.stimuli import Stimuli
 from tests.conftest import Command
+from tests.orchestrator.every import every
 from verification.reference import series
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -136,6 +137,28 @@ def test_a_file_without_experiments_is_said(slewright_here: Command, tmp_path: P
     done = slewright_here("check", packed(tmp_path), "--reference")
     assert done.returncode == 2
     assert "carries no reference experiments" in done.stderr
+
+
+@pytest.mark.parametrize(("row", "code"), [("-2 3", 0), ("-2 4", 1)])
+def test_arrays_and_large_numbers(slewright_here: Command, tmp_path: Path, row: str, code: int) -> None:
+    """Inputs that step are seen a tick later; the reference has the row before the event, too."""
+    fmu = every(3, tmp_path).path
+    number = 2**63 - 1
+    after = "".join(f"{t},1 {row},-{number},{2**64 - 1}\n" for t in (0.2, 0.4))
+    stimuli = f"time,Int16.array_in,Int64.in,UInt64.in\n0,0 0 0,0,0\n0.2,1 -2 3,-{number},{2**64 - 1}\n"
+    files = {
+        "fmi-ls-manifest.xml": manifest(
+            '<Experiment name="large" startTime="0" stopTime="0.4" stepSize="0.1" tolerance="1e-9">'
+            '<Stimuli source="in.csv"/><References source="ref.csv"/></Experiment>'
+        ),
+        "in.csv": stimuli,
+        "ref.csv": f"time,Int16.array_out,Int64.out,UInt64.out\n0,0 0 0,0,0\n0.2,0 0 0,0,0\n{after}",
+    }
+    with zipfile.ZipFile(fmu, "a") as opened:
+        for name, text in files.items():
+            opened.writestr(f"{FOLDER}/{name}", text)
+    done = slewright_here("check", fmu, "--reference")
+    assert done.returncode == code, done.stderr + done.stdout
 
 
 def test_a_table_of_the_reference_fmus() -> None:
