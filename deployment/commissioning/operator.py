@@ -19,6 +19,8 @@ from specs.errors import RunError
 
 Answering = Generator[None, None, str]  # yields once a tick, returns the answer
 
+BEGIN = "begin"  # key of the question before each step
+
 
 class Kind(Enum):
     """What is asked for."""
@@ -53,7 +55,7 @@ class Operator(Protocol):
 
 
 class Person:
-    """Somebody at the terminal.  With `ready`, what is to be done counts as done as soon as it is seen."""
+    """Somebody at the terminal.  With `ready`, each step begins without asking."""
 
     def __init__(self, name: str, ready: bool = False) -> None:
         self.name, self.ready = name, ready
@@ -69,7 +71,7 @@ class Person:
         ]
         while True:
             typer.echo(f"  > {question.text} [{hint}] ", nl=False)
-            if question.kind is Kind.DO and self.ready:
+            if question.key == BEGIN and self.ready:
                 typer.echo("")
                 return ""
             text = yield from self._line()

@@ -10,7 +10,7 @@ from typing import Any
 
 from deployment.commissioning import calibration
 from deployment.commissioning.bench import Bench, Check, Failed
-from deployment.commissioning.operator import Operator
+from deployment.commissioning.operator import BEGIN, Operator
 from deployment.commissioning.points import Point
 from deployment.commissioning.rig import STILL, Rig
 from deployment.commissioning.session import FAILED, INTERRUPTED, PASSED, Session
@@ -140,7 +140,7 @@ def perform(
     bench = Bench(rig, operator, session.findings(), points=points)
     verdict = INTERRUPTED
     try:
-        bench.do("ready", f"{step.title}. Moves: {step.moves}. Area clear? Ready?")
+        bench.do(BEGIN, f"{step.title}. Moves: {step.moves}. Area clear? Ready?")
         step.run(bench)
         verdict = PASSED
     except Failed:

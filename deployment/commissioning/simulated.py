@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from deployment.commissioning import hand
-from deployment.commissioning.operator import Answering, Question
+from deployment.commissioning.operator import BEGIN, Answering, Question
 from deployment.commissioning.wiring import Fault, Wiring
 from deployment.hil.machine import COMMANDS, Machine, within_field
 from deployment.hil.machine_node import COMMAND_TIMEOUT, NODES, SLOW_HEARTBEATS, Valves
@@ -255,5 +255,6 @@ ACTIONS: dict[str, Callable[[SimulatedOperator, str], Answering]] = {
     "see": SimulatedOperator._see,
     "touch": SimulatedOperator._touch,
     "known": SimulatedOperator._known,
+    BEGIN: SimulatedOperator._nothing,
     "ready": SimulatedOperator._nothing,
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from deployment.commissioning.operator import Answering, Kind, Person, Question
+from deployment.commissioning.operator import BEGIN, Answering, Kind, Person, Question
 from deployment.commissioning.procedure import NAMES, find, perform
 from deployment.commissioning.rig import Rig
 from deployment.commissioning.session import Session
@@ -45,8 +45,19 @@ def test_lines_that_are_typed_at_once_are_two_answers(monkeypatch: pytest.Monkey
             answered(person, Kind.DO)
 
 
-def answered(person: Person, kind: Kind) -> str:
-    asking = person.answer(Question(kind, "see.slew.+1", "The carriage moved left"))
+def test_who_says_yes_beforehand_is_still_asked_what_was_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = os.pipe()
+    os.close(theirs)
+    with os.fdopen(ours) as closed:
+        monkeypatch.setattr("sys.stdin", closed)
+        person = Person("Ada", ready=True)
+        assert answered(person, Kind.DO, BEGIN) == ""
+        with pytest.raises(RunError, match="the terminal is closed"):
+            answered(person, Kind.DO, "switch.stop.1")
+
+
+def answered(person: Person, kind: Kind, key: str = "see.slew.+1") -> str:
+    asking = person.answer(Question(kind, key, "The carriage moved left"))
     while True:
         try:
             next(asking)
