@@ -222,13 +222,13 @@ class TextTable:
         check_long_form(texts, [c.name for c in made.values()], str(self.path))
         meta = _meta(self.layout.meta)
         place = numbers[0] if len(numbers) == 1 else _joined(numbers)
-        groups, start, offset = [], None, 0.0
-        for timed, (time, begin, ahead) in zip(self.timed, times, strict=True):
-            own = [made[i] for i in timed.columns if i in made]
-            groups.append(Group("", time, own, "line", place, ahead))  # type: ignore[arg-type]
-            start, offset = begin, ahead
+        groups = [
+            Group("", time, [made[i] for i in timed.columns if i in made], "line", place, ahead)  # type: ignore[arg-type]
+            for timed, (time, _, ahead) in zip(self.timed, times, strict=True)
+        ]
         if len(groups) > 1:
             groups = [without_empty_rows(g) for g in groups]
+        _, start, offset = times[0]  # alike for all
         return Raw(groups, start or start_of(meta), meta, self.notes, offset, self._said())
 
     def _column(self, i: int, column: Column, rows: int) -> RawColumn | None:
