@@ -19,16 +19,14 @@ from runtime.hmi.desk import Desk
 from runtime.hmi.port import STANDBY
 from runtime.hmi.sessions import Refused, Sessions
 from runtime.retain.copies import COPIES, Folder, Retained
+from runtime.shared import private_folder
 from specs.errors import InputError
 
 Random = np.random.Generator
 LAYOUT = "0123456789abcdef"
 TARGET = {"target_x": 6.0, "target_y": 7.0, "target_z": 5.0}
-SMALL, FILES, FLOOD = (
-    4000,
-    3,
-    80,
-)  # bytes of a file of the log, files, entries of a flood: several times as much
+SMALL, FILES = 4000, 3  # bytes of a file of the log, files
+FLOOD = 80  # entries of one peer: several times as much as they hold
 UNAVAILABLE = 503  # HTTP's
 
 
@@ -80,8 +78,9 @@ def _is_refused(ask: Callable[[], object]) -> bool:
 
 def audit_flood(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
     """Others do something at random moments while one peer asks for nonsense without end."""
-    with tempfile.TemporaryDirectory(dir=_memory()) as folder:
-        audit = Audit(Path(folder), largest=SMALL, kept=FILES)
+    folder = private_folder("slewright-audit-")  # in memory: each entry waits for the disk
+    try:
+        audit = Audit(folder, largest=SMALL, kept=FILES)
         others = set(random.choice(FLOOD, 5, replace=False).tolist())
         for k in range(FLOOD):
             if k in others:
@@ -89,13 +88,10 @@ def audit_flood(fault: Fault, drive: Drive, moment: Moment, random: Random, outc
             result = "done" if random.integers(2) else "refused"
             audit.write("Eve", "operator", "10.0.1.1", "x" * int(random.integers(1, 200)), result=result)
         left = {entry["who"] for entry in audit.last(10 * FLOOD)}
+    finally:
+        shutil.rmtree(folder)
     gone = [k for k in sorted(others) if f"person {k}" not in left]
     outcome.add(moment.tick, 0.0, f"the entry of person {gone[0]} was pushed out" if gone else "")
-
-
-def _memory() -> str | None:
-    """A folder in memory, where there is one: each entry waits for the disk."""
-    return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
 def retained_lost(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
