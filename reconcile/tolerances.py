@@ -17,6 +17,7 @@ SEPARABLE = (
     1e-4  # of an effect's own information that must be left beside what is fitted, else it is unidentifiable
 )
 PLAIN = 0.5  # nats that a parameter costs beside what the data say of it: the simpler of two that are alike
+MOST_STEPS = 1e8  # steps of the filter after which a search ends with the sets it has: about two core minutes
 WORTH = 2.0  # nats: a larger set that gains less is not looked for any further
 SINGLES, KEPT = (6, 4, 3), (3, 2, 1)  # effects tried at each of the best sets of a level, and sets kept of it
 CLOSE = 12.0  # nats below the best evidence within which a set counts for the probabilities

@@ -29,6 +29,7 @@ from specs.version import VERSION
 
 Report = Callable[..., None]
 MODEL = "model"  # the folder in DIR of the extended model, or of those of a system's parts
+CUT = "The search ended early, after as much work as it may do: sets that were not tried may explain more."
 SEED = 0  # nothing is drawn: the same recordings give the same report
 
 
@@ -120,7 +121,8 @@ def examine(
         figures["sentence"] += f" {recorded_clocks.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(answer, figures)
-    for more in (mistaken.turned_parameters(answer), mistaken.bounded_parameters(answer)):
+    notes = mistaken.turned_parameters(answer), mistaken.bounded_parameters(answer), CUT * answer.beam.cut
+    for more in notes:
         figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)
     figures |= quantization.added(figures, steps, answer.core.model.name)
@@ -150,7 +152,7 @@ def _searched(
     beam = Beam(core, said)
     beam.search()
     before = None
-    while (share := _least_noise(beam.core, beam.points[beam.ranked()[0]])) < 0.5 * beam.core.share:
+    while not beam.cut and (share := _best_share(beam)) < 0.5 * beam.core.share:
         said("again, with less noise")
         before, beam = beam, Beam(Core(folder, parts, floor=share), said)
         beam.search(before.foremost())
@@ -158,6 +160,10 @@ def _searched(
     if before is None or answer.present:
         return answer
     return _judged(before, said)
+
+
+def _best_share(beam: Beam) -> float:
+    return _least_noise(beam.core, beam.points[beam.ranked()[0]])
 
 
 def _least_noise(core: Core, best: Point) -> float:

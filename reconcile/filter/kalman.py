@@ -75,7 +75,7 @@ class Kalman:
         self._parts: dict[frozenset, _Part] = {}
         self._kept: dict[tuple, tuple] = {}
         self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
-        self.runs_done = 0
+        self.done = 0  # steps of the filter, substeps counted one by one, of all runs
 
     def _pushed(self) -> tuple[str, ...]:
         """States beside the axes' that a disturbance pushes: those that are recorded; without axes, all."""
@@ -123,7 +123,7 @@ class Kalman:
         for k in range(len(self.records)):
             u, y, step = self._rows(k, full)
             x0, p0 = self._start(part, p, y)
-            self.runs_done += 1
+            self.done += substeps * len(y)
             parted = np.diff(step, prepend=-1) == 0  # rows without a sample: a part of a step after the first
             more = {"u": u, "m": self.modes[k][step], "y": y, "x0": x0, "p0": p0}
             run = part.library.run(

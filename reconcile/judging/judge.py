@@ -16,6 +16,7 @@ MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
+UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -105,11 +106,12 @@ class Judge:
             refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
             answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
+        most = UNTRIED if self.beam.cut else 1.0
         return Judged(
             answer,
             tuple(k for k in declared if _names(k) != _names(answer)),
-            _shown(weights.effects),
-            _shown(weights.kinds),
+            _shown(weights.effects, most),
+            _shown(weights.kinds, most),
             [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
             refused,
@@ -195,10 +197,10 @@ class Judge:
         return 2.0 * gained, self._shortened(key, a)[0]
 
 
-def _shown(probability: Mapping[str, float]) -> dict[str, float]:
-    """Probabilities worth showing, the largest first."""
+def _shown(probability: Mapping[str, float], most: float) -> dict[str, float]:
+    """Probabilities worth showing, the largest first, none above `most`."""
     ranked = sorted(probability.items(), key=lambda row: -row[1])
-    return {n: min(float(p), 1.0) for n, p in ranked if p > LEAST_SHOWN}
+    return {n: min(float(p), most) for n, p in ranked if p > LEAST_SHOWN}
 
 
 def _held_in(key: Key) -> set[str]:

@@ -34,7 +34,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     """
     errs, least, found = ahead(core, core.base), np.inf, None
     for ratios in _turned(core) if errs > WRONG else ():
-        tried = _fitted(core, ratios, core.fresh, ())
+        tried = _fitted(core, ratios, core.fresh, (), errs)
         if tried is not None and tried[1].total < core.base.total and tried[0] < min(least, EVIDENT * errs):
             least, found = tried[0], ratios
     if found is not None and not _silent(core, least, core.fresh, ()):
@@ -59,7 +59,7 @@ def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
     found = None
     for ratios, present in _rivals(answer, errs):
         start = core.fresh | effects(answer.point.values, present)
-        tried = _fitted(core, ratios, start, present)
+        tried = _fitted(core, ratios, start, present, errs)
         if tried is None:
             continue
         error, likely = tried[0], weighed(tried[1].evidence, present)
@@ -134,15 +134,33 @@ def _rivals(answer: Answer, errs: float) -> Iterator[tuple[Ratios, tuple[Attache
 
 
 def _fitted(
-    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...]
+    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...], errs: float = np.inf
 ) -> tuple[float, Point] | None:
-    """Error ahead and fit of the model with some effects, where channels are multiplied."""
+    """Error ahead and fit of the model with some effects, where channels are multiplied.
+
+    None where slow motion, fitted first, errs more than `errs`: a channel that is right by then errs less.
+    """
+    known = core.turned if not present and start == core.fresh else {}
+    key = frozenset(ratios.items())
+    if key not in known:
+        known[key] = _fit(core, ratios, start, present, errs)
+    return known[key]
+
+
+def _fit(
+    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...], errs: float
+) -> tuple[float, Point] | None:
     other = copy(core)
     other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
     other.kalman = core.kalman.over(other.records)
     other.fitter = Fitter(other.kalman, core.scored["fit"])
     free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
-    point = other.fitter.fit_staged(start, present, free, STEPS, own=True, every=2)
+    motion = [f for f in free if not f.of_noise]
+    slow = other.fitter.fit(start, present, motion, STEPS, own=True, every=2) if motion else None
+    if slow is not None and ahead(other, slow) > errs:
+        return None
+    begun = start if slow is None else slow.values
+    point = other.fitter.fit(begun, present, free, STEPS, own=True, every=2)
     return None if point is None else (ahead(other, point), point)
 
 

@@ -94,6 +94,7 @@ class Report(_Form):
     probability: dict[str, Probability] = Field(default_factory=dict)  # by effect; of a model folder
     kinds: dict[str, Probability] = Field(default_factory=dict)
     tolerances: dict[str, Any] = Field(default_factory=dict)
+    search: dict[str, bool | int] = Field(default_factory=dict)
     reestimated: dict[str, Moved]
     nuisances: dict[str, dict[str, Any]]
     where: list[Where]

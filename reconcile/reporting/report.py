@@ -56,6 +56,7 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "sets": [{"effects": list(n), "probability": p} for n, p in judged.sets],
         "told_apart": [_apart(found, k) for k in answer.alternatives],
         "data": stretches(core.parts),
+        "search": {"complete": not answer.beam.cut, "filter_steps": int(core.kalman.done)},
         "tolerances": {n: v for n, v in vars(tolerances).items() if n.isupper()},
     }
 

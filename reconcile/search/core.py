@@ -31,7 +31,8 @@ class Floor:
 
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
-STEPPED_NATS = 5.0  # the same of all nats: an effect that stands for errors of the steps would gain as much
+STEPPED_NATS = 5.0  # the same of all nats: an effect that stands for errors of the steps would gain as much …
+OF_SAMPLES = 1e-3  # … or of so many by sample, where there are more of them
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
@@ -71,6 +72,8 @@ class Core:
         }
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
+        # by what channels are multiplied by: error ahead and fit of the model without effects
+        self.turned: dict[frozenset, tuple[float, Point] | None] = {}
         self.slow: Point | None = None  # the base model with little noise, as slow motion has it
         self.values = self._first_values()
         noise = {n: v for n, v in self.values.items() if n.startswith(NOISES)}
@@ -159,7 +162,7 @@ class Core:
             if found and before:
                 moved = np.nanmedian(np.abs(found[0] - before[0]) / np.sqrt(found[1]))
                 nats = np.sum(self.fitter.loss(*found)) - np.sum(self.fitter.loss(*before))
-                if moved < STEPPED and abs(nats) < STEPPED_NATS:
+                if moved < STEPPED and abs(nats) < max(STEPPED_NATS, OF_SAMPLES * len(found[0])):
                     self.kalman.substeps = n // 2
                     return
             before = found

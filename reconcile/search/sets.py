@@ -11,7 +11,7 @@ from reconcile.filter.point import Free, Point
 from reconcile.search.core import Core
 from reconcile.search.screen import Scored, Screen
 from reconcile.search.shapes import Shapes
-from reconcile.tolerances import BLOCKS, CLOSE, PLAIN, PRIOR, RESAMPLED, WORTH
+from reconcile.tolerances import BLOCKS, CLOSE, MOST_STEPS, PLAIN, PRIOR, RESAMPLED, WORTH
 
 Key = frozenset[Attached]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
@@ -27,6 +27,16 @@ class Sets:
         self.core = core
         self.points: dict[Key, Point] = {frozenset(): core.base}
         self.scored: dict[Key, list[Scored]] = {}
+        self.begun = core.kalman.done
+        self.extra = 0.0  # of the steps of a search, that it may go beyond them
+        self.cut = False  # whether the search ended before all that it would have tried
+
+    @property
+    def spent(self) -> bool:
+        """Whether the filter has gone so many steps that nothing more is tried."""
+        over = self.core.kalman.done - self.begun > (1.0 + self.extra) * MOST_STEPS
+        self.cut |= over
+        return over
 
     @cached_property
     def shapes(self) -> Shapes:

@@ -11,11 +11,13 @@ from reconcile.equations.model import Folder
 from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Free
 from reconcile.judging.answer import standard_errors
-from reconcile.judging.judge import Judge
+from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.recordings.data import Run, Signal, split
+from reconcile.search import sets
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.screen import Screen
+from reconcile.tolerances import SURE
 from tests.reconcile import models
 from tests.reconcile.answers import cored, fitted, recorded, rig
 from tests.reconcile.truth import Truth, coulomb
@@ -30,6 +32,18 @@ def friction() -> Beam:
     beam = Beam(cored(recorded(Truth(**coulomb(1.0)), seconds=20.0, seed=4), *FEW))
     beam.run()
     return beam
+
+
+def test_a_search_ends_where_the_filter_has_gone_enough_steps_and_is_not_sure_then(friction, monkeypatch):
+    assert not friction.cut
+    monkeypatch.setattr(sets, "MOST_STEPS", 0.2 * (friction.core.kalman.done - friction.begun))
+    short = Beam(cored(recorded(Truth(**coulomb(1.0)), seconds=20.0, seed=4), *FEW))
+    short.run()
+    assert short.cut
+    assert short.core.kalman.done < friction.core.kalman.done
+    probable = Judge(short).decide().probability
+    assert max(probable.values(), default=0.0) <= UNTRIED < SURE
+    assert Judge(friction).decide().probability["coulomb_friction"] >= SURE
 
 
 # ---------------------------------------------------------------- fit
