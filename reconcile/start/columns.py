@@ -60,6 +60,11 @@ class Column:
         return bool(np.ptp(self.values) == 0.0)
 
     @property
+    def held(self) -> bool:
+        """Whether it moves in steps."""
+        return float(np.mean(np.diff(self.values) == 0.0)) > HELD
+
+    @property
     def turns(self) -> bool:
         """Whether its unit is of an angle or of a speed of turning."""
         return is_of(self.unit, "rad") or is_of(self.unit, "rad/s")
@@ -149,7 +154,7 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
                 found[i] = replace(c, role="velocity", reason=text)
                 break
     unknown = [i for i, c in enumerate(found) if not c.role and not c.constant]
-    held = [i for i in unknown if float(np.mean(np.diff(found[i].values) == 0.0)) > HELD]
+    held = [i for i in unknown if found[i].held]
     if not any(c.role == "input" for c in found) and len(held) < sum(not c.constant for c in found):
         for i in held:
             found[i] = replace(found[i], role="input", reason="guessed: it moves in steps")
@@ -157,7 +162,24 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
     if len(unknown) == 1 and positions and not any(c.role == "input" for c in found):
         text = "guessed: nothing else is left that could drive it"
         found[unknown[0]] = replace(found[unknown[0]], role="input", reason=text)
-    return found
+    return _two(found)
+
+
+def _two(columns: list[Column]) -> list[Column]:
+    """Two quantities that are no motion: where one alone moves in steps, it drives the other."""
+    moving = [c for c in columns if not c.constant and c.role != "setpoint"]
+    held = [c for c in moving if c.held]
+    if len(moving) != 2 or len(held) != 1 or any(c.role not in ("input", "other") for c in moving):
+        return columns
+    other = next(c for c in moving if c is not held[0])
+    roles = {held[0].name: ("input", "it moves in steps"), other.name: ("other", f"{held[0].name} drives it")}
+    told = {c.name: c.role for c in moving}
+    return [
+        replace(c, role=roles[c.name][0], reason=f"guessed: {roles[c.name][1]}")
+        if c.name in roles and told[c.name] != roles[c.name][0]
+        else c
+        for c in columns
+    ]
 
 
 def slope_alike(position: Column, other: Column) -> tuple[float, float]:

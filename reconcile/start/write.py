@@ -268,6 +268,11 @@ def _chain(dof: int | None, usable: Sequence[Column], recording: Path) -> tuple[
             f"{recording} has {count} positions or speeds, and a chain of {n} needs 1 to {n}; state --dof N"
         )
     numbered = sorted({c.joint for c in moving if c.joint is not None})
+    inputs = by_role["input"]
+    told = any(c.joint is not None for c in inputs)
+    if numbered and not told:
+        text = f"guessed: it has no number; {'it acts' if len(inputs) == 1 else 'they act'} from joint 1 on"
+        inputs = [replace(c, reason=text) for c in inputs]
     used: dict[str, Column] = {}
     recorded, driven = [], []
     for i in range(1, n + 1):
@@ -277,7 +282,7 @@ def _chain(dof: int | None, usable: Sequence[Column], recording: Path) -> tuple[
             c = _of_joint(by_role[role], i, joint)
             if c is not None:
                 used[f"{role}{i}"], _ = c, has.append(role)
-        force = _of_joint(by_role["input"], i, joint)
+        force = _of_joint(inputs, i, joint if told else None)
         if force is not None:
             used[f"{kind.noun}{i}"] = force
         recorded.append(has)

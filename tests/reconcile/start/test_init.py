@@ -151,6 +151,30 @@ def test_two_joints_are_a_chain(tmp_path: Path):
     assert np.allclose(only.outputs["position2"].values, 2 * r["q"], atol=1e-6)
 
 
+def test_a_force_without_a_number_drives_the_first_joint(tmp_path: Path):
+    r = rig()
+    columns = {"time": r["t"], "force [N]": r["torque"], "x1 [m]": r["q"], "x2 [m]": 2 * r["q"]}
+    file = table(tmp_path / "rig.csv", columns)
+    said = start(file, tmp_path / "first")
+    assert any("force1: column force (guessed: it has no number" in line for line in said), said
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert set(only.inputs) == {"force1"}
+    assert [v.name for v in folder.model.inputs] == ["force1"]
+
+
+@pytest.mark.parametrize(
+    ("driven", "answers"), [("power [W]", "temperature [degC]"), ("voltage [V]", "current [A]")]
+)
+def test_of_two_quantities_that_are_no_motion_the_one_that_moves_in_steps_drives(tmp_path, driven, answers):
+    r = rig()
+    file = table(tmp_path / "rig.csv", {"time [s]": r["t"], driven: 60 * (r["torque"] > 0), answers: r["v"]})
+    said = start(file, tmp_path / "first")
+    assert said[0].startswith("template first-order"), said
+    _, (only,) = opened(file, tmp_path / "first")
+    assert set(only.inputs) == {driven.partition(" ")[0]}
+    assert set(only.outputs) == {answers.partition(" ")[0]}
+
+
 def test_without_an_input(tmp_path: Path):
     t = 0.02 * np.arange(200)
     file = table(tmp_path / "fall.csv", {"time [s]": t, "height [m]": 30 - 0.5 * 9.81 * t**2})
