@@ -33,6 +33,8 @@ UNIT_ROLES = (
     ("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity"),
     ("rad/s2", "acceleration"), ("m/s2", "acceleration"), ("N", "input"), ("N.m", "input"),
 )  # fmt: skip
+MOTION = ("position", "velocity")
+LEVELS = ("level", "niveau", "stand", "fuellstand", "füllstand")
 COMMAND_UNITS = ("V", "A", "%")
 
 
@@ -105,7 +107,7 @@ def unit_in_name(name: str) -> str:
     match = re.search(r"\(([^()]+)\)\s*$", name) or re.search(r"[_ .]([A-Za-z°%]+(?:/s|ps)?)$", name)
     text = match[1] if match else ""
     text = {"degps": "deg/s", "radps": "rad/s", "mps": "m/s", "dps": "deg/s"}.get(text.lower(), text)
-    lone = len(text) == 1 and match is not None and not match[0].endswith(")") and text not in "VANm"
+    lone = len(text) == 1 and match is not None and not match[0].endswith(")") and text not in "VANm%"
     return spelled(text) if text and not lone and is_unit(text) else ""
 
 
@@ -114,6 +116,8 @@ def _role(name: str, unit: str) -> tuple[str, str]:
     named = [ROLE_OF_WORD[w] for w in words if w in ROLE_OF_WORD]
     if "setpoint" in named and "input" not in named:
         return "setpoint", "its name says that it is a wanted value"
+    if set(words) & set(LEVELS) and is_of(unit, "m"):
+        return "other", "its name says that it is a level"
     for wanted, role in UNIT_ROLES:
         if is_of(unit, wanted):
             return role, f"its unit is {unit}"
@@ -158,18 +162,27 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
     if not any(c.role == "input" for c in found) and len(held) < sum(not c.constant for c in found):
         for i in held:
             found[i] = replace(found[i], role="input", reason="guessed: it moves in steps")
-    unknown = [i for i in unknown if not found[i].role]
-    if len(unknown) == 1 and positions and not any(c.role == "input" for c in found):
+    unknown = [i for i, c in enumerate(found) if _may_drive(c)]
+    if (
+        len(unknown) == 1
+        and any(c.role in MOTION for c in found)
+        and not any(c.role == "input" for c in found)
+    ):
         text = "guessed: nothing else is left that could drive it"
         found[unknown[0]] = replace(found[unknown[0]], role="input", reason=text)
     return _two(found)
+
+
+def _may_drive(column: Column) -> bool:
+    """Whether it may be the input, for all that heading and unit tell; a temperature is none."""
+    return column.role in ("", "other") and not column.constant and not is_of(column.unit, "K")
 
 
 def _two(columns: list[Column]) -> list[Column]:
     """Two quantities that are no motion: where one alone moves in steps, it drives the other."""
     moving = [c for c in columns if not c.constant and c.role != "setpoint"]
     held = [c for c in moving if c.held]
-    if len(moving) != 2 or len(held) != 1 or any(c.role not in ("input", "other") for c in moving):
+    if len(moving) != 2 or len(held) != 1 or any(c.role not in ("input", "other", "") for c in moving):
         return columns
     other = next(c for c in moving if c is not held[0])
     roles = {held[0].name: ("input", "it moves in steps"), other.name: ("other", f"{held[0].name} drives it")}

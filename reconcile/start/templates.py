@@ -61,8 +61,13 @@ def per(unit: str, of: str) -> str:
     return f"{numerator}/({below}.{of})" if below else f"{unit}/{of}"
 
 
-def axis(draft: Draft, kind: Motion, has: Sequence[str], drive: str | None, pendulum: bool) -> None:
-    """One axis; `has`: which of position and velocity are recorded; `drive`: unit of what drives it."""
+def axis(
+    draft: Draft, kind: Motion, has: Sequence[str], drive: str | None, pendulum: bool, neutral: bool = False
+) -> None:
+    """One axis; `has`: which of position and velocity are recorded; `drive`: unit of what drives it.
+
+    `neutral`: whether that has a middle of its own at which it does nothing, as the pulses of a servo.
+    """
     if "position" in has or pendulum:
         draft.states.append(("q", kind.position, "Position"))
         draft.rates["q"] = "x.v"
@@ -79,7 +84,8 @@ def axis(draft: Draft, kind: Motion, has: Sequence[str], drive: str | None, pend
         return
     if drive is not None:
         draft.inputs.append(("command", drive, "Recorded command"))
-    terms = ["p.gain * u.command"] if drive is not None else []
+    command = "(u.command - p.neutral)" if neutral else "u.command"
+    terms = [f"p.gain * {command}"] if drive is not None else []
     if pendulum:
         terms.append("-p.gravity / p.length * sin(x.q)")
     elif drive is None:

@@ -8,20 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from reconcile.reporting import target
-from reconcile.start import estimate, templates
+from reconcile.start import templates, values
 from reconcile.start.columns import Column, columns_of, is_of
-from reconcile.start.templates import MOVES, TURNS, Draft, Motion, Quantity
+from reconcile.start.templates import MOVES, TURNS, Draft, Motion
+from reconcile.start.values import Drive, si
 from records.formats import read_measurement
 from records.formats.text.clock import UNTIMED
-from records.formats.units import converted
 from specs.errors import InputError
 from specs.units import known
 
-ESTIMATED = "estimated from the recording by least squares"
-SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
-GUESS = "a guess: the recording does not tell it in this way; put in what you know"
 EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
-SURE = 3.0  # deviations from zero that a coefficient must have to be used
+FAR_OFF = 2.0  # of its own spread, from which the middle of a command is no accident
 
 
 def start(recording: Path, out: Path, template: str | None = None, dof: int | None = None) -> list[str]:
@@ -116,8 +113,10 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
         used[kind.noun if unit == kind.force else "command"] = drive
     titles = {"rotary": "A drive that turns", "linear": "A drive along a line", "pendulum": "A pendulum"}
     draft = Draft(titles[template])
-    templates.axis(draft, kind, list(found), unit, template == "pendulum")
-    draft.parameters = _axis_values(template, kind, found, drive, unit)
+    driven = None if drive is None or unit is None else Drive(drive, unit, _middle(drive, unit, kind))
+    neutral = driven is not None and driven.middle is not None
+    templates.axis(draft, kind, list(found), unit, template == "pendulum", neutral)
+    draft.parameters = values.axis(template, kind, found, driven)
     return draft, used
 
 
@@ -127,6 +126,13 @@ def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -
     if len(rest) != 1 or rest[0].role not in ("position", "velocity") or rest[0].turns == (kind is TURNS):
         return None
     return replace(rest[0], reason="guessed: nothing else is left that could drive it")
+
+
+def _middle(drive: Column, unit: str, kind: Motion) -> float | None:
+    """Median of a command that moves about a value far from nothing; None of others and of forces."""
+    commands = si(drive, unit)
+    middle = float(np.median(commands))
+    return middle if unit != kind.force and abs(middle) > FAR_OFF * float(np.std(commands)) else None
 
 
 def _drive_unit(drive: Column, kind: Motion) -> str:
@@ -144,117 +150,6 @@ def _model_unit(unit: str) -> str:
         if is_of(unit, wanted):
             return wanted
     return unit if known(unit) else "1"
-
-
-def _si(column: Column, unit: str) -> np.ndarray:
-    if not column.unit:
-        return column.values
-    try:
-        return converted(column.values, column.unit, unit, column.name)
-    except InputError:
-        return column.values
-
-
-def _positive(name: str, unit: str, text: str, value: float, sure: bool, guess: float) -> Quantity:
-    found = value if sure and np.isfinite(value) and value > 0 else guess
-    source = ESTIMATED if found == value else GUESS
-    return Quantity(name, unit, text, found, 1e-3 * found, 1e3 * found, source)
-
-
-def _damped(name: str, unit: str, text: str, value: float, sure: bool, guess: float) -> Quantity:
-    q = _positive(name, unit, text, value, sure, guess)
-    return Quantity(name, unit, text, q.start, 0.0, 1e3 * q.start, q.source)
-
-
-def _axis_values(
-    template: str, kind: Motion, found: dict[str, Column], drive: Column | None, unit: str | None
-) -> list[Quantity]:
-    base = found.get("velocity") or found["position"]
-    t = base.time
-    q = (
-        np.interp(t, found["position"].time, _si(found["position"], kind.position))
-        if "position" in found
-        else 0 * t
-    )
-    v = _si(base, kind.velocity) if "velocity" in found else estimate.speed(t, q)
-    columns = [-v]
-    pendulum = template == "pendulum"
-    if drive is not None and unit is not None:
-        columns.append(np.interp(t, drive.time, _si(drive, unit)))
-    if pendulum:
-        columns.append(-np.sin(q))
-    elif drive is None:
-        columns.append(np.ones_like(t))
-    c, deviation = estimate.slopes(t, v, columns)
-    sure = np.abs(c) > SURE * deviation
-    accelerates = kind.velocity + "2"
-    if drive is not None and unit == kind.force:
-        inertia = _positive(
-            kind.named, kind.inertia, "Of all that moves", 1 / c[1] if c[1] else 0.0, bool(sure[1]), 1.0
-        )
-        own = inertia.start
-        rows = [
-            inertia,
-            _damped("friction", kind.friction, "Viscous friction", c[0] * own, bool(sure[0]), 0.1 * own),
-        ]
-        if pendulum:
-            rows.append(
-                _positive(
-                    "gravity_torque",
-                    "N.m",
-                    "Weight times its distance from the axis, lying",
-                    c[2] * own,
-                    bool(sure[2]),
-                    9.81 * own,
-                )
-            )
-        if inertia.source == GUESS:
-            rows[1:] = [replace(q, source=SCALED) if q.source == ESTIMATED else q for q in rows[1:]]
-        return rows
-    rows = []
-    if drive is not None and unit is not None:
-        value = float(c[1]) if sure[1] else 1.0
-        wide = 1e3 * abs(value)
-        rows.append(
-            Quantity(
-                "gain",
-                templates.per(accelerates, unit),
-                "Acceleration for one unit of command",
-                value,
-                -wide,
-                wide,
-                ESTIMATED if sure[1] else GUESS,
-            )
-        )
-    if pendulum:
-        rows.append(
-            Quantity("gravity", "m/s2", "Acceleration of free fall", 9.81, None, None, "known", 0.001)
-        )
-        rows.append(
-            _positive(
-                "length",
-                "m",
-                "From the axis to the weight, of a point mass",
-                9.81 / c[-1] if c[-1] else 0.0,
-                bool(sure[-1]),
-                1.0,
-            )
-        )
-    elif drive is None:
-        value = float(c[1]) if sure[1] else 0.0
-        wide = 1e3 * max(abs(value), 1.0)
-        rows.append(
-            Quantity(
-                "acceleration",
-                accelerates,
-                "Of a constant force, such as a weight",
-                value,
-                -wide,
-                wide,
-                ESTIMATED if sure[1] else GUESS,
-            )
-        )
-    return [*rows, _damped("damping", "1/s", "Viscous friction by inertia", c[0], bool(sure[0]), 0.1)]
 
 
 def _chain(dof: int | None, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
@@ -289,7 +184,7 @@ def _chain(dof: int | None, usable: Sequence[Column], recording: Path) -> tuple[
         driven.append(force is not None)
     draft = Draft(f"{n} inertias in a row, joined by springs and dampers")
     templates.chain(draft, kind, recorded, driven)
-    draft.parameters = _chain_values(n, kind, used)
+    draft.parameters = values.chain(n, kind, used)
     return draft, used
 
 
@@ -297,27 +192,6 @@ def _of_joint(columns: Sequence[Column], i: int, joint: int | None) -> Column | 
     if joint is not None:
         return next((c for c in columns if c.joint == joint), None)
     return columns[i - 1] if i <= len(columns) else None
-
-
-def _chain_values(n: int, kind: Motion, used: dict[str, Column]) -> list[Quantity]:
-    rows = []
-    for i in range(1, n + 1):
-        value = [0.0, 0.0]
-        sure = [False, False]
-        force, v = used.get(f"{kind.noun}{i}"), used.get(f"velocity{i}")
-        if force is not None and v is not None:
-            speed = _si(v, kind.velocity)
-            c, deviation = estimate.slopes(
-                v.time, speed, [-speed, np.interp(v.time, force.time, _si(force, kind.force))]
-            )
-            value = [1 / c[1] if c[1] else 0.0, c[0] / c[1] if c[1] else 0.0]
-            sure = [bool(abs(c[k]) > SURE * deviation[k]) for k in (1, 0)]
-        rows.append(_positive(f"{kind.named}{i}", kind.inertia, f"Of joint {i}", value[0], sure[0], 1.0))
-        rows.append(_damped(f"friction{i}", kind.friction, f"Viscous, of joint {i}", value[1], sure[1], 0.1))
-        if i < n:
-            rows.append(_damped(f"stiffness{i}", kind.stiffness, f"Between {i} and {i + 1}", 0, False, 1.0))
-            rows.append(_damped(f"damping{i}", kind.friction, f"Between {i} and {i + 1}", 0, False, 0.1))
-    return rows
 
 
 def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
@@ -338,66 +212,11 @@ def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dr
     length = float(np.ptp(usable[0].time))
     if template == "first-order":
         templates.first_order(draft, outs[0], ins[0] if ins else None)
-        draft.parameters = _lag_values(outs[0], ins[0] if ins else None, ours, length)
+        draft.parameters = values.first_order(outs[0], ins[0] if ins else None, ours, length)
     else:
         templates.free(draft, outs, ins)
-        draft.parameters = _free_values(outs, ins, ours)
+        draft.parameters = values.free(outs, ins, ours)
     return draft, ours
-
-
-def _lag_values(
-    out: tuple[str, str], drive: tuple[str, str] | None, ours: dict[str, Column], length: float
-) -> list[Quantity]:
-    y = ours[out[0]]
-    values = _si(y, out[1])
-    columns = [-values, np.ones_like(values)]
-    if drive:
-        u = ours[drive[0]]
-        columns.append(np.interp(y.time, u.time, _si(u, drive[1])))
-    c, deviation = estimate.slopes(y.time, values, columns)
-    good = bool(c[0] > SURE * deviation[0])
-    lag = 1 / c[0] if good else length / 10
-    rows = [_positive("time_constant", "s", "Time to 63 % of a step", lag, good, length / 10)]
-    if drive:
-        gain = float(c[2] * lag) if good else 1.0
-        wide = 1e3 * max(abs(gain), 1e-6)
-        rows.append(
-            Quantity(
-                "gain",
-                templates.per(out[1], drive[1]),
-                "Output for one of input",
-                gain,
-                -wide,
-                wide,
-                ESTIMATED if good else GUESS,
-            )
-        )
-    offset = float(c[1] * lag) if good else float(np.mean(values))
-    wide = 1e3 * max(abs(offset), float(np.ptp(values)))
-    return [
-        *rows,
-        Quantity("offset", out[1], "Output without input", offset, -wide, wide, ESTIMATED if good else GUESS),
-    ]
-
-
-def _free_values(
-    outs: Sequence[tuple[str, str]], ins: Sequence[tuple[str, str]], ours: dict[str, Column]
-) -> list[Quantity]:
-    rows = []
-    for name, unit in outs:
-        y = ours[name]
-        values = _si(y, unit)
-        columns = [np.ones_like(values), -values]
-        columns += [np.interp(y.time, ours[n].time, _si(ours[n], u)) for n, u in ins]
-        c, _ = estimate.slopes(y.time, values, columns)
-        rate = unit + "/s" if "/" not in unit else f"{unit.partition('/')[0]}/({unit.partition('/')[2]}.s)"
-        rate = "1/s" if unit == "1" else "m/s2" if unit == "m/s" else "rad/s2" if unit == "rad/s" else rate
-        units = [rate, "1/s", *(templates.per(rate, u) for _, u in ins)]
-        labels = [f"pull_{name}", f"decay_{name}", *(f"gain_{name}_{n}" for n, _ in ins)]
-        for label, u, value in zip(labels, units, c, strict=True):
-            wide = 1e3 * max(abs(float(value)), 1e-3)
-            rows.append(Quantity(label, u, "Linear coefficient", float(value), -wide, wide, ESTIMATED))
-    return rows
 
 
 def _identifier(name: str) -> str:

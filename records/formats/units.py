@@ -14,6 +14,7 @@ SPELLINGS = {
     "°/s^2": "deg/s2", "rad/sec": "rad/s", "rad/s^2": "rad/s2", "rad/s²": "rad/s2", "radian": "rad",
     "radians": "rad", "m/s^2": "m/s2", "m/s²": "m/s2", "m/sec": "m/s", "sec": "s", "second": "s",
     "seconds": "s", "nm": "N.m", "n*m": "N.m", "n·m": "N.m", "°c": "degC", "percent": "%",
+    "°f": "degF", "fahrenheit": "degF",
     "l/min": "L/min", "1/min": "rpm", "u/min": "rpm", "pascal": "Pa", "kilogram": "kg", "µs": "us",
     "μs": "us", "msec": "ms", "usec": "us", "nsec": "ns", "milliseconds": "ms", "microseconds": "us",
     "nanoseconds": "ns", "sek": "s", "sekunden": "s", "sekunde": "s", "minutes": "min", "minute": "min",

@@ -175,6 +175,39 @@ def test_of_two_quantities_that_are_no_motion_the_one_that_moves_in_steps_drives
     assert set(only.outputs) == {answers.partition(" ")[0]}
 
 
+@pytest.mark.parametrize(("heading", "template"), [("yaw_rate_dps", "rotary"), ("speed [km/h]", "linear")])
+def test_what_alone_is_left_beside_motion_drives_it_but_a_temperature_does_not(
+    tmp_path, heading: str, template: str
+):
+    r = rig()
+    columns = {"time [s]": r["t"], "pwm_us": 1500 + 100 * r["torque"], heading: r["v"]}
+    start(table(tmp_path / "rig.csv", columns), tmp_path / "first")
+    folder = open_folder(str(tmp_path / "first"))
+    assert [v.name for v in folder.model.inputs] == ["command"]
+    columns = {"time [s]": r["t"], "air [degC]": 20 + r["torque"], heading: r["v"]}
+    said = start(table(tmp_path / "beside.csv", columns), tmp_path / "second")
+    assert said[0].startswith(f"template {template}")
+    assert open_folder(str(tmp_path / "second")).model.inputs == ()
+
+
+def test_pulses_of_a_servo_have_a_middle_at_which_they_do_nothing(tmp_path: Path):
+    r = rig()
+    columns = {"time [s]": r["t"], "pwm [us]": 1512 + 100 * r["torque"], "rate [rad/s]": r["v"]}
+    start(table(tmp_path / "rig.csv", columns), tmp_path / "first")
+    folder = open_folder(str(tmp_path / "first"))
+    unit = folder.model.inputs[0].unit
+    assert value(folder, "neutral") * {"s": 1e6}.get(unit, 1.0) == pytest.approx(1512, abs=2)
+
+
+def test_a_level_is_filled_by_a_flow(tmp_path: Path):
+    r = filling(1.0)
+    columns = {"t [s]": r["t"], "pump [l/min]": 12 * r["command"], "level [mm]": 1000 * r["level"]}
+    said = start(table(tmp_path / "tank.csv", columns), tmp_path / "first")
+    assert said[0].startswith("template first-order"), said
+    _, (only,) = opened(tmp_path / "tank.csv", tmp_path / "first")
+    assert (set(only.inputs), set(only.outputs)) == ({"pump"}, {"level"})
+
+
 def test_without_an_input(tmp_path: Path):
     t = 0.02 * np.arange(200)
     file = table(tmp_path / "fall.csv", {"time [s]": t, "height [m]": 30 - 0.5 * 9.81 * t**2})
