@@ -55,13 +55,16 @@ class Findings:
         found = [p.regime for x in self.located for p in x.places]
         return list({r.words: r for r in found}.values())[:MOST_REGIMES]
 
-    def inside(self, regime: Regime, name: str) -> list[np.ndarray]:
-        """For each held-out stretch, which samples of an output lie in a regime."""
-        traces = self.traces["after"] or self.traces["reestimated"] or []
+    def inside(self, regime: Regime, name: str, stage: str) -> list[np.ndarray]:
+        """For each held-out stretch, which samples of an output, as a stage predicts them, lie in a regime.
+
+        The states are those of the answer. With another delay of a sensor other samples lie in a stretch.
+        """
+        known = self.traces["after"] or self.traces["reestimated"] or []
         found = []
-        for t in traces:
-            times = t.window.times[name]
-            values = regimes.values(self.core, regime.regressor, t.window, times, t.state_at(times))
+        for t, own in zip(known, self.traces[stage] or known, strict=True):
+            times = own.window.times[name]
+            values = regimes.values(self.core, regime.regressor, own.window, times, t.state_at(times))
             found.append(regime.mask(values))
         return found
 

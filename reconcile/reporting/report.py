@@ -1,6 +1,6 @@
 """The report in the contract's form (contract.py checks it), with what the page shows beside that."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -116,24 +116,26 @@ def _shrunk(gaps: dict[str, Any]) -> bool:
 def _by_regime(found: Findings) -> list[dict[str, Any]]:
     """The same gaps in each regime that is named, and outside all of them."""
     chosen = found.regimes
-    masks = {r.words: {n: found.inside(r, n) for n in found.outputs} for r in chosen}
-    rest = {}
-    for n in found.outputs if chosen else ():
-        each = [masks[r.words][n] for r in chosen]
-        rest[n] = [~np.any(windows, axis=0) for windows in zip(*each, strict=True)]
+    every = [(n, stage) for n in found.outputs for stage in STAGES]
+    masks = {r.words: {key: found.inside(r, *key) for key in every} for r in chosen}
     if chosen:
-        masks["elsewhere"] = rest
+        each = {key: [own[key] for own in masks.values()] for key in every}
+        masks["elsewhere"] = {key: _outside(regimes) for key, regimes in each.items()}
     return [{"regime": words, "gap": _inside(found, inside)} for words, inside in masks.items()]
 
 
-def _inside(found: Findings, inside: dict[str, list[np.ndarray]]) -> dict[str, Any]:
+def _outside(regimes: Sequence[list[np.ndarray]]) -> list[np.ndarray]:
+    return [~np.any(stretch, axis=0) for stretch in zip(*regimes, strict=True)]
+
+
+def _inside(found: Findings, inside: dict[tuple[str, str], list[np.ndarray]]) -> dict[str, Any]:
     units, result = _units(found), {}
-    for n, masks in inside.items():
-        if not masks:
-            continue
-        time = float(np.mean(np.concatenate(masks)))
-        gaps = {stage: found.gap(stage, n, masks) for stage in STAGES}
-        result[n] = {"unit": units[n], "time": round(time, 4), **gaps}
+    for n in found.outputs:
+        masks = inside[n, STAGES[-1]]
+        if masks:
+            time = float(np.mean(np.concatenate(masks)))
+            gaps = {stage: found.gap(stage, n, inside[n, stage]) for stage in STAGES}
+            result[n] = {"unit": units[n], "time": round(time, 4), **gaps}
     return result
 
 

@@ -22,6 +22,7 @@ CLOCKS = frozenset(
         "timestamps",
         "zeit",
         "zeitstempel",
+        "tout",
         "datetime",
         "datum",
         "date",

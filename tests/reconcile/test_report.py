@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,25 @@ def test_what_is_not_in_the_contracts_form_is_found(figures, spoil, said):
     report = copy.deepcopy(figures)
     spoil(report)
     assert any(said in line for line in check(report)), check(report)
+
+
+def test_regimes_take_of_every_stage_the_samples_that_it_predicts(friction: Findings, figures: dict):
+    """A later sensor has other samples in a stretch: here one less, of a stage that knows of no delay."""
+    first, *others = friction.traces["nominal"] or []
+    shorter = {n: x[:-1] for n, x in first.predicted.items()}
+    left = {
+        part: {n: x[:-1] for n, x in getattr(first.window, part).items()}
+        for part in ("times", "samples", "recorded")
+    }
+    trace = replace(first, predicted=shorter, window=replace(first.window, **left))
+    late = replace(friction, traces={**friction.traces, "nominal": [trace, *others]})
+    found = reports.figures(late, verdicts.judge(late.answer))["gap_by_regime"]
+    assert [r["regime"] for r in found] == [r["regime"] for r in figures["gap_by_regime"]] != []
+    for row, before in zip(found, figures["gap_by_regime"], strict=True):
+        assert row["gap"]["position"]["after"] == before["gap"]["position"]["after"]
+        assert row["gap"]["position"]["nominal"] == pytest.approx(
+            before["gap"]["position"]["nominal"], rel=0.1
+        )
 
 
 def test_a_report_of_a_closed_fmu_has_no_probabilities(figures):
