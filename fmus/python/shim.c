@@ -22,6 +22,7 @@
 
 typedef struct {
   double cells[N_CELLS];
+  double request[N_CELLS + 2], answer[N_CELLS]; /* here, since large arrays would not fit the stack */
   int socket;
   pid_t child;
   fmi3InstanceEnvironment environment;
@@ -150,13 +151,14 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
 /* ---- stepping ---- */
 
 static fmi3Status exchange(instance_t *m, char what, double t, double h) {
-  double request[N_CELLS + 2] = {t, h}, answer[N_CELLS];
   uint32_t length = 0;
-  memcpy(request + 2, m->cells, sizeof m->cells);
-  const fmi3Status status = ask(m, what, request, sizeof request, answer, sizeof answer, NULL, &length);
+  m->request[0] = t, m->request[1] = h;
+  memcpy(m->request + 2, m->cells, sizeof m->cells);
+  const fmi3Status status =
+      ask(m, what, m->request, sizeof m->request, m->answer, sizeof m->answer, NULL, &length);
   if (status != fmi3OK) return status;
-  if (length != sizeof answer) return say(m, "the Python process gave another number of values");
-  memcpy(m->cells, answer, sizeof answer);
+  if (length != sizeof m->answer) return say(m, "the Python process gave another number of values");
+  memcpy(m->cells, m->answer, sizeof m->answer);
   m->cells[0] = t + h;
   return fmi3OK;
 }
