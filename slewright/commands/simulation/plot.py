@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from records import figures_file
-from records.figures_file import check_target
+from records.figures_file import check_suffix
 from slewright.figures import JsonOption
 from slewright.tables import show
 from specs.errors import InputError
@@ -34,7 +34,7 @@ def plot(
         typer.Option(
             "--out",
             metavar="FILE.html",
-            callback=check_target,
+            callback=lambda file: check_suffix(file, ".html"),
             help="The page (default: the record's name with .html).",
         ),
     ] = None,

@@ -169,3 +169,9 @@ def test_the_command(slewright: Command, tmp_path: Path) -> None:
     assert refused.returncode == 2
     assert "has no class 'Controler'" in refused.stderr
     assert importlib.util.find_spec("controller") is None
+    refused = slewright("fmu", str(tmp_path))
+    assert refused.returncode == 2
+    assert "there is no such file" in refused.stderr
+    refused = slewright("fmu", str(SOURCE), "--out", str(tmp_path / "c.txt"))
+    assert refused.returncode == 2
+    assert "valid: .fmu" in refused.stderr
