@@ -39,8 +39,8 @@ def test_connections_units_and_ways_back(tmp_path: Path) -> None:
 
 def test_a_long_name_fits_its_box(tmp_path: Path) -> None:
     name = "a_component_whose_name_is_long"
-    text = ssd([component(name, "speed", connector("speed", "output"))], [connection(f"{name}.speed", "shown")],
-               [connector("shown", "output")])  # fmt: skip
+    part = component(name, "speed", connector("speed", "output"))
+    text = ssd([part], [connection(f"{name}.speed", "shown")], [connector("shown", "output")])
     root = ElementTree.fromstring(draw(load(tmp_path, text, ("speed",))))
     first = next(r for r in root.iter(f"{SVG}rect") if r.get("class") == "box")
     assert float(first.get("width", 0)) >= 8.2 * len(name)  # of a bold character
