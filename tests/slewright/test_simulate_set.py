@@ -73,3 +73,5 @@ def test_of_one_fmu_the_component_goes_without_saying(slewright_here: Command, t
     assert read(out).column("x")[0] == 1.5
     said, _ = run(slewright_here, exchange(3, tmp_path), "mew=1")
     assert "--set mew=1: the system has no input or parameter of that name; valid: kind, mu, u; " in said
+    said, _ = run(slewright_here, exchange(3, tmp_path), "mu=1", "exchange.mu=2")
+    assert "--set exchange.mu is given twice" in said

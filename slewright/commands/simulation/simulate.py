@@ -143,6 +143,9 @@ def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict
             raise InputError(f"--set {text} is not of the form NAME=VALUE")
         if name not in system.inputs:
             name = _full_name(name, text, system)
+        if name in parameters or name in inputs:
+            raise InputError(f"--set {name} is given twice")
+        if name not in system.inputs:
             parameters[name] = _values(value, _is_array(system, name))
             continue
         number = _values(value, system.inputs[name].size > 1)
