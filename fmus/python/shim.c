@@ -98,9 +98,11 @@ static void run(const char *resources, int fd) {
   if (fd == CHILD_FD) fcntl(fd, F_SETFD, 0);
   else dup2(fd, CHILD_FD);
   dup2(2, 1); /* what the class prints must not disturb the importer's output */
-  const char *const choices[] = {own ? own : "", named, "python3"};
-  for (int i = 0; i < 3; i++)
+  const bool chosen = own && *own; /* by the user, so that no other one takes its place */
+  const char *const choices[] = {chosen ? own : named, chosen ? "" : "python3"};
+  for (int i = 0; i < 2; i++)
     if (*choices[i]) execlp(choices[i], choices[i], script, (char *)NULL);
+  fprintf(stderr, "%s cannot be started%s\n", choices[0], chosen ? "; SLEWRIGHT_FMU_PYTHON names it" : ", nor python3");
   _exit(127);
 }
 

@@ -61,6 +61,15 @@ def test_its_state_is_taken_back(built: Path) -> None:
         assert fmu.get("u", "steps").tolist() == later
 
 
+def test_a_python_that_is_named_and_not_there_is_not_replaced(
+    slewright: Command, built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLEWRIGHT_FMU_PYTHON", "/nowhere/python")
+    done = slewright("simulate", str(built), "--stop", "1", "--out", str(tmp_path / "r.parquet"))
+    assert done.returncode == 2
+    assert "/nowhere/python cannot be started; SLEWRIGHT_FMU_PYTHON names it" in done.stderr
+
+
 def test_what_the_class_raises_is_said(built: Path) -> None:
     with pytest.raises(RunError, match=r"ValueError: no way on \(controller.py line \d+\)"):
         simulate(load_system(built), 20, parameters={"Controller.fails_at": 0.5})
