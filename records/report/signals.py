@@ -28,7 +28,7 @@ def chosen(records: Records, wanted: Sequence[str]) -> list[str]:
 
     Raises InputError for a name that no record has, and where there is nothing to draw.
     """
-    names = list(dict.fromkeys(n for record in records.values() for n in drawable(record)))
+    names = list(dict.fromkeys(n for label, record in records.items() for n in drawable(label, record)))
     if not names:
         raise InputError(f"{', '.join(records)}: there is no column of numbers beside the time")
     if not wanted:

@@ -10,9 +10,12 @@ from specs import units
 from specs.errors import InputError
 
 
-def drawable(record: Record) -> list[str]:
+def drawable(label: str, record: Record) -> list[str]:
     """The columns of numbers, without the time: what others wrote may hold texts and lists, too."""
-    return [c.name for c in columns_of(record.table.schema) if c.type in TYPES and c.name != "time"]
+    numbers = [c.name for c in columns_of(record.table.schema) if c.type in TYPES]
+    if "time" not in numbers:
+        raise InputError(f"{label}: there is no column time of numbers")
+    return [name for name in numbers if name != "time"]
 
 
 def unit_of(records: Mapping[str, Record], name: str) -> str:

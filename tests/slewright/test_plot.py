@@ -111,6 +111,8 @@ def test_columns_that_are_no_numbers_are_left_out() -> None:
     assert chosen({"a": Record(table, {})}, []) == ["angle", "speed", "on"]
     with pytest.raises(InputError, match="a: there is no column of numbers beside the time"):
         chosen({"a": Record(table.select(["time", "name"]), {})}, [])
+    with pytest.raises(InputError, match="a: there is no column time of numbers"):
+        chosen({"a": Record(pa.table({"time": ["a"], "y": [1.0]}), {})}, [])
 
 
 def test_the_command(slewright: Command, tmp_path: Path) -> None:

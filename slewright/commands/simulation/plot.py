@@ -42,7 +42,8 @@ def plot(
 ) -> None:
     """Show records as one page that needs no network: a panel for each unit, zoomed together by hand.
 
-    Long records keep the lowest and the highest value of each stretch that is drawn.
+    Further records are converted to the units of the first. Long records keep the lowest and the highest
+    value of each stretch that is drawn.
     """
     from records.record import read
     from records.report import signals as page
