@@ -22,7 +22,7 @@ def nearest(name: str, choices: Iterable[str], count: int = 3) -> str:
     close = difflib.get_close_matches(name, options, n=count, cutoff=0.5)
     if close:
         return "did you mean " + " or ".join(close) + "?"
-    return f"valid: {listed(options, 12)}"
+    return f"valid: {listed(options, 12)}" if options else "there is none"
 
 
 def listed(names: Sequence[str], count: int = 5) -> str:

@@ -4,6 +4,7 @@ python -m fmus.network.bus can_bus.fmu 3     # for three nodes
 """
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from fmus.network.build import HERE, build
@@ -65,5 +66,21 @@ def build_bus(path: Path, nodes: int = USUAL_NODES) -> Path:
     return path
 
 
+def main(arguments: Sequence[str]) -> int:
+    """Build the bus that the command line names; 2 for arguments that are none."""
+    path = Path(arguments[0]) if arguments else None
+    nodes = arguments[1] if len(arguments) > 1 else str(USUAL_NODES)
+    try:
+        if path is None or len(arguments) > 2 or not nodes.isdecimal():
+            raise InputError("python -m fmus.network.bus FILE.fmu NODES: a file and a whole number")
+        if path.suffix != ".fmu" or not path.parent.is_dir():
+            raise InputError(f"{path}: the name of an FMU in a folder that there is; valid: FILE.fmu")
+        print(build_bus(path, int(nodes)))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
 if __name__ == "__main__":
-    print(build_bus(Path(sys.argv[1]), *map(int, sys.argv[2:3])))
+    sys.exit(main(sys.argv[1:]))

@@ -1,8 +1,6 @@
 """`slewright fmu`: a Python class with `step` as an FMI 3.0 FMU of co-simulation.
 
-The class says its variables in dictionaries `inputs`, `outputs` and `parameters`: name → start value, or a
-dictionary with `start`, `unit`, `min`, `max`, `description`. Numbers are Float64, whole numbers Int32,
-Booleans Boolean; a list or numpy array of numbers is an array.
+`declared.py` says how a class declares its variables.
 """
 
 import hashlib
@@ -11,36 +9,18 @@ import json
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from fmus.paths import SHIM
+from fmus.python.declared import TYPES, Variable, step_of, variables_of
 from fmus.toolchain import compiler
 from fmus.toolchain.build import pack
 from specs.errors import InputError, nearest
 from specs.units import UNITS
 
 HERE = Path(__file__).parent
-GROUPS = {"inputs": "input", "outputs": "output", "parameters": "parameter"}
-ATTRIBUTES = ("start", "unit", "min", "max", "description")
-NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-TYPES = {"d": "Float64", "i": "Int32", "b": "Boolean"}
-TOP = 2**31 - 1  # of Int32
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A declared variable; `array`: "", "list" or "numpy"."""
-
-    name: str
-    causality: str
-    kind: str
-    start: tuple[float, ...]
-    array: str
-    more: Mapping[str, Any]
 
 
 def build_python_fmu(source: Path, class_name: str | None = None, python: str = sys.executable) -> bytes:
@@ -51,13 +31,14 @@ def build_python_fmu(source: Path, class_name: str | None = None, python: str = 
     if compiler.host().name.endswith("windows"):
         raise InputError("an FMU from Python needs Linux or macOS: it starts a process of its own")
     made = _class_of(source, class_name)
-    variables = tuple(_variables(made, f"{source}, class {made.__name__}"))
+    where = f"{source}, class {made.__name__}"
+    variables, step = variables_of(made, where), step_of(made, where)
     table = _table(made, source, variables)
     token = hashlib.sha256(source.read_bytes() + json.dumps(table).encode()).hexdigest()[:32]
     host = compiler.host()
     return pack(
         {
-            "modelDescription.xml": _description(made, variables, token).encode(),
+            "modelDescription.xml": _description(made, variables, step, token).encode(),
             f"binaries/{host.name}/{made.__name__}{host.suffix}": _library(variables, token),
             "resources/python.txt": f"{python}\n".encode(),
             "resources/server.py": (HERE / "server.py").read_bytes(),
@@ -74,10 +55,13 @@ def _class_of(source: Path, class_name: str | None) -> type:
     if spec is None or spec.loader is None:
         raise InputError(f"{source} is no Python file (.py)")
     module = importlib.util.module_from_spec(spec)
+    sys.modules["model"] = module  # dataclasses look for their module there
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # noqa: BLE001  # whatever the user's file raises
+    except (Exception, SystemExit) as error:  # noqa: BLE001  # whatever the user's file raises
         raise InputError(f"{source} cannot be imported: {type(error).__name__}: {error}") from None
+    finally:
+        del sys.modules["model"]
     classes = {
         name: value
         for name, value in vars(module).items()
@@ -91,45 +75,6 @@ def _class_of(source: Path, class_name: str | None) -> type:
             f"{source} must have one class with step, or --class NAME say which; it has: {found}"
         )
     return classes[class_name or next(iter(classes))]
-
-
-def _variables(made: type, where: str) -> Iterator[Variable]:
-    seen: set[str] = {"time", "step", "start"}
-    for group, causality in GROUPS.items():
-        declared = getattr(made, group, {})
-        if not isinstance(declared, dict):
-            raise InputError(f"{where}: {group} must be a dictionary of names, not {declared!r}")
-        for name, said in declared.items():
-            if not isinstance(name, str) or not NAME.fullmatch(name) or name in seen:
-                raise InputError(f"{where}: {group} has {name!r}, which is no name, or taken")
-            seen.add(name)
-            yield _variable(name, causality, said, f"{where}: {name}")
-    if not any(getattr(made, group, {}) for group in ("inputs", "outputs")):
-        raise InputError(f"{where} declares neither inputs nor outputs")
-
-
-def _variable(name: str, causality: str, said: Any, where: str) -> Variable:
-    said = said if isinstance(said, dict) else {"start": said}
-    if unknown := [key for key in said if key not in ATTRIBUTES]:
-        raise InputError(f"{where}: unknown attribute '{unknown[0]}'; valid: {', '.join(ATTRIBUTES)}")
-    if (unit := said.get("unit", "")) not in ("", *UNITS):
-        raise InputError(f"{where}: unknown unit '{unit}'; {nearest(unit, UNITS)}")
-    start = said.get("start", 0.0)
-    listed = start.tolist() if hasattr(start, "tolist") else start
-    values = listed if isinstance(listed, list | tuple) else [listed]
-    array = "" if values is not listed else "list" if start is listed else "numpy"
-    kinds = {bool: "b", int: "i", float: "d"}
-    if not values or any(type(v) not in kinds for v in values):
-        raise InputError(f"{where}: start {start!r} is no number, Boolean or list of numbers")
-    if array and any(isinstance(v, bool) for v in values):
-        raise InputError(f"{where}: an array holds numbers")
-    kind = "d" if array else kinds[type(values[0])]
-    low, high = said.get("min", -float("inf")), said.get("max", float("inf"))
-    if kind == "i":
-        low, high = max(low, -TOP - 1), min(high, TOP)
-    if any(not low <= v <= high for v in values):
-        raise InputError(f"{where}: start {start!r} is out of its bounds {low:g} … {high:g}")
-    return Variable(name, causality, kind, tuple(map(float, values)), array, said)
 
 
 def _table(made: type, source: Path, variables: tuple[Variable, ...]) -> dict[str, Any]:
@@ -176,7 +121,7 @@ def _rest(source: str) -> str:
     )
 
 
-def _description(made: type, variables: tuple[Variable, ...], token: str) -> str:
+def _description(made: type, variables: tuple[Variable, ...], step: float | None, token: str) -> str:
     lines = [_xml(number, v) for number, v in enumerate(variables, 1)]
     units = sorted({v.more["unit"] for v in variables if v.more.get("unit")})
     defined = "".join(f'<Unit name="{u}">{_base(u)}</Unit>' for u in units)
@@ -185,8 +130,7 @@ def _description(made: type, variables: tuple[Variable, ...], token: str) -> str
     )
     unit_part = f"<UnitDefinitions>{defined}</UnitDefinitions>\n" if units else ""
     text = " ".join((made.__doc__ or "").split())
-    step = getattr(made, "step_s", None)
-    experiment = f'<DefaultExperiment stepSize="{float(step)!r}"/>\n' if step else ""
+    experiment = f'<DefaultExperiment stepSize="{step!r}"/>\n' if step else ""
     name = made.__name__
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -206,9 +150,7 @@ def _xml(number: int, v: Variable) -> str:
     values = [
         str(bool(x)).lower() if v.kind == "b" else repr(int(x) if v.kind == "i" else x) for x in v.start
     ]
-    more = {key: v.more[key] for key in ("unit", "min", "max") if key in v.more and v.kind != "b"}
-    if v.kind == "i":
-        more.pop("unit", None)
+    more = {key: v.more[key] for key in ("unit", "min", "max") if key in v.more}
     attributes = "".join(f' {key}="{escape(str(value))}"' for key, value in more.items())
     text = f' description="{escape(v.more["description"])}"' if v.more.get("description") else ""
     exact = ' initial="exact"' if v.causality == "output" else ""

@@ -64,20 +64,15 @@ class Runner:
     def set(self, cells, causalities):
         for v in self.table["variables"]:
             if v["causality"] in causalities:
-                values = [
-                    (v["kind"] == "b" and bool(x)) or (int(x) if v["kind"] != "d" else x)
-                    for x in self.part(v, cells)
-                ]
+                kind = {"d": float, "i": int, "b": bool}[v["kind"]]
+                values = [kind(x) for x in self.part(v, cells)]
                 setattr(self.object, v["name"], self.array(v, values) if v["array"] else values[0])
 
     def outputs(self, time, cells):
         cells[0] = time
         for v in self.table["variables"]:
             if v["causality"] == "output":
-                value = getattr(self.object, v["name"])
-                values = [float(x) for x in (value if v["array"] else [value])]
-                if len(values) != v["size"]:
-                    raise ValueError(f"{v['name']} has {len(values)} elements, not {v['size']}")
+                values = numbers(v, getattr(self.object, v["name"]))
                 cells[v["first"] : v["first"] + v["size"]] = values
         return struct.pack(f"={len(cells)}d", *cells)
 
@@ -92,6 +87,24 @@ class Runner:
         import numpy
 
         return numpy.array(values)
+
+
+def numbers(variable, value):
+    """The numbers of an output; what has another form is said with the variable's name."""
+    name, size = variable["name"], variable["size"]
+    try:
+        given = list(value) if variable["array"] else [value]
+        if any(isinstance(x, (str, bytes)) for x in given):
+            raise TypeError("a text")
+        values = [float(x) for x in given]
+    except (TypeError, ValueError):
+        wanted = f"an array of {size} numbers" if variable["array"] else "a number"
+        raise TypeError(f"output {name} must be {wanted}, not {value!r:.80}") from None
+    if len(values) != size:
+        raise ValueError(f"output {name} has {len(values)} elements, not {size}")
+    if variable["kind"] == "i" and not (-(2**31) <= values[0] < 2**31 and values[0] == int(values[0])):
+        raise ValueError(f"output {name} is {value!r:.80}, no whole number of 32 bits")
+    return values
 
 
 def words(error):
@@ -127,7 +140,7 @@ def main():
                 b"P": runner.back,
             }
             status, answer = 0, does[what](request)
-        except Exception as error:  # noqa: BLE001  # whatever the class raises
+        except (Exception, SystemExit) as error:  # noqa: BLE001  # whatever the class raises
             status, answer = 1, words(error).encode()
         connection.sendall(struct.pack("=II", status, len(answer)) + answer)
 

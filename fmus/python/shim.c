@@ -22,6 +22,7 @@
 
 typedef struct {
   double cells[N_CELLS];
+  double request[N_CELLS + 2], answer[N_CELLS]; /* here, since large arrays would not fit the stack */
   int socket;
   pid_t child;
   fmi3InstanceEnvironment environment;
@@ -97,9 +98,11 @@ static void run(const char *resources, int fd) {
   if (fd == CHILD_FD) fcntl(fd, F_SETFD, 0);
   else dup2(fd, CHILD_FD);
   dup2(2, 1); /* what the class prints must not disturb the importer's output */
-  const char *const choices[] = {own ? own : "", named, "python3"};
-  for (int i = 0; i < 3; i++)
+  const bool chosen = own && *own; /* by the user, so that no other one takes its place */
+  const char *const choices[] = {chosen ? own : named, chosen ? "" : "python3"};
+  for (int i = 0; i < 2; i++)
     if (*choices[i]) execlp(choices[i], choices[i], script, (char *)NULL);
+  fprintf(stderr, "%s cannot be started%s\n", choices[0], chosen ? "; SLEWRIGHT_FMU_PYTHON names it" : ", nor python3");
   _exit(127);
 }
 
@@ -150,13 +153,14 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
 /* ---- stepping ---- */
 
 static fmi3Status exchange(instance_t *m, char what, double t, double h) {
-  double request[N_CELLS + 2] = {t, h}, answer[N_CELLS];
   uint32_t length = 0;
-  memcpy(request + 2, m->cells, sizeof m->cells);
-  const fmi3Status status = ask(m, what, request, sizeof request, answer, sizeof answer, NULL, &length);
+  m->request[0] = t, m->request[1] = h;
+  memcpy(m->request + 2, m->cells, sizeof m->cells);
+  const fmi3Status status =
+      ask(m, what, m->request, sizeof m->request, m->answer, sizeof m->answer, NULL, &length);
   if (status != fmi3OK) return status;
-  if (length != sizeof answer) return say(m, "the Python process gave another number of values");
-  memcpy(m->cells, answer, sizeof answer);
+  if (length != sizeof m->answer) return say(m, "the Python process gave another number of values");
+  memcpy(m->cells, m->answer, sizeof m->answer);
   m->cells[0] = t + h;
   return fmi3OK;
 }

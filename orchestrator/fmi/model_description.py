@@ -14,6 +14,7 @@ from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element, local
 from orchestrator.fmi import checks
 from orchestrator.fmi.model_structure import Dependencies, StructureReader
+from orchestrator.fmi.states import check_states
 from orchestrator.fmi.units import parse_units
 from orchestrator.fmi.variable import FMI2_TYPES, FMI3_TYPES, NOT_NUMBERS, REALS, ClockInfo, Variable, size_of
 from orchestrator.fmi.variable_reader import VariableReader
@@ -151,6 +152,7 @@ def parse(content: bytes, shown: str, kind: str = ANY) -> ModelDescription:
         *checks.unknown_attributes(root, version),
         *checks.warnings(variables.values(), reader.undefined_units),
         *structure.warnings(),
+        *(check_states(root, version, structure, where) if exchange else ()),
     ]
     return ModelDescription(
         fmi_version=version,

@@ -178,7 +178,7 @@ def _scalar(variable: Variable, value: Scalar | Value, where: str) -> Scalar:
 
 
 def _number(variable: Variable, number: float | int | bool, where: str) -> float | int | bool:
-    unit = f" {variable.unit_name}" if variable.unit_name else ""
+    unit = f" {variable.unit_name}" if variable.unit_name not in ("", "1") else ""
     low = -math.inf if variable.min is None else variable.min
     high = math.inf if variable.max is None else variable.max
     if not low <= number <= high or number in (math.inf, -math.inf):

@@ -13,7 +13,7 @@ from orchestrator.core.binding import BlockStatistics, Statistics
 from orchestrator.fmi.component import Component, runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.variable import BLOBS, ERROR, HUNG, STATUS, Scalar, Value
+from orchestrator.fmi.variable import BLOBS, ERROR, HUNG, Scalar, Value
 from orchestrator.run.log_categories import told
 from orchestrator.run.plan import Plan, scalars, to_bits
 from orchestrator.ssp.description import Settings
@@ -309,8 +309,9 @@ class Master:
         if instance is None:
             return "no memory"
         asked = {binding.DOING_SET: "set an input", binding.DOING_GET: "get an output"}.get(failure.what)
-        doing = f", asked to {asked}," if asked and STATUS[failure.status] == "discard" else ""
-        return f"the FMU{doing} returned {instance.status_text(failure.status)}"
+        said = instance.status_text(failure.status)  # with what the FMU logged; without it the call helps
+        doing = f", asked to {asked}," if asked and ("(" not in said or said.startswith("discard")) else ""
+        return f"the FMU{doing} returned {said}"
 
     def _clock(self, failure: Any) -> str:
         """What is wrong with the times of a clock."""

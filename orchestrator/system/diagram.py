@@ -16,6 +16,7 @@ from orchestrator.system.order import dependency_order
 from orchestrator.system.system import System
 
 CHARACTER, LINE, HEAD, PAD, LANE = 6.7, 19, 44, 10, 11  # px
+BOLD = 1.25  # a heading's characters, of other ones
 COLUMN_GAP, ROW_GAP, MARGIN = 90, 34, 24
 INPUTS, OUTPUTS = "\0inputs", "\0outputs"  # no component is called so
 STYLE = """
@@ -40,7 +41,7 @@ class _Box:
     @property
     def width(self) -> float:
         """Wide enough for its texts."""
-        rows = [len(text) for text in self.lines]
+        rows = [BOLD * len(self.lines[0]), len(self.lines[1])]
         sides = [max((len(t) for t in side.values()), default=0) for side in (self.inputs, self.outputs)]
         return max([*rows, sum(sides) + 3]) * CHARACTER + 2 * PAD
 

@@ -193,7 +193,10 @@ class _Builder:
             return Port("", name)
         if "." not in name:
             what = explain(name, self.connectors)
-            raise InputError(f"system {self.system.name} cannot record '{name}'{what}")
+            raise InputError(
+                f"system {self.system.name} cannot record '{name}'{what}; of its components: "
+                f"COMPONENT.VARIABLE, with {', '.join(self.system.components)}"
+            )
         component, variable_name = self.system.split(name)
         variable = component.model.variable(variable_name, f"component {component.name}")
         if variable.type in NOT_NUMBERS:

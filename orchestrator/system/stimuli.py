@@ -63,4 +63,7 @@ def explain(name: str, choices: Mapping[str, object]) -> str:
     known = signals()
     if name in known:
         return f": it is a signal, but not here; {nearest(name, choices)}"
-    return f", nor is it a signal of specs/signals.toml; {nearest(name, {**known, **choices})}"
+    near = nearest(name, {**known, **choices})
+    if not near.startswith("did you mean"):  # a list of signals that the system lacks would mislead
+        near = nearest(name, choices)
+    return f", nor is it a signal of specs/signals.toml; {near}"

@@ -12,6 +12,7 @@ import numpy as np
 from records.record import Record
 from records.report import shell
 from records.report.figures import Figure
+from records.report.units import drawable, in_unit, unit_of
 from specs.errors import InputError, nearest
 
 COLORS = ("#134a7c", "#d9822b", "#2a8c82", "#7a5195", "#b5403a", "#6b6b6b", "#8a6d1f", "#3d7fb8")
@@ -25,9 +26,11 @@ Records = Mapping[str, Record]  # label → record, the first one is what the ot
 def chosen(records: Records, wanted: Sequence[str]) -> list[str]:
     """The columns that `wanted` names (patterns with * are allowed), all without any.
 
-    Raises InputError for a name that no record has.
+    Raises InputError for a name that no record has, and where there is nothing to draw.
     """
-    names = list(dict.fromkeys(n for record in records.values() for n in record.names if n != "time"))
+    names = list(dict.fromkeys(n for label, record in records.items() for n in drawable(label, record)))
+    if not names:
+        raise InputError(f"{', '.join(records)}: there is no column of numbers beside the time")
     if not wanted:
         return names
     found: dict[str, None] = {}
@@ -45,34 +48,36 @@ def differences(records: Records, names: Iterable[str]) -> list[dict[str, Any]]:
     At the first record's times within both; the other record is interpolated between its rows.
     """
     (first, base), *others = records.items()
-    found = []
-    for label, other in others:
-        for name in names:
-            if name in base and name in other:
-                at, difference = _difference(base, other, name)
-                known = difference[np.isfinite(difference)]
-                worst = int(np.argmax(np.abs(np.nan_to_num(difference)))) if len(known) else 0
-                found.append(
-                    {
-                        "signal": name,
-                        "unit": base.units[name],
-                        "record": label,
-                        "against": first,
-                        "max": float(np.abs(known).max(initial=0.0)),
-                        "rms": float(np.sqrt(np.mean(known**2))) if len(known) else 0.0,
-                        "at_s": float(at[worst]) if len(at) else math.nan,
-                        "rows": len(known),
-                    }
-                )
-    return found
+    return [
+        {
+            "signal": name,
+            "unit": base.units[name],
+            "record": label,
+            "against": first,
+            **_size(*_difference(base, other, name)),
+        }
+        for label, other in others
+        for name in names
+        if name in base and name in other
+    ]
+
+
+def _size(at: np.ndarray, difference: np.ndarray) -> dict[str, float]:
+    """How large a difference is; without a row that tells it that is not known, and not 0."""
+    known = np.isfinite(difference)
+    at, size = at[known], np.abs(difference[known])
+    if not len(size):
+        return {"max": math.nan, "rms": math.nan, "at_s": math.nan, "rows": 0}
+    worst = int(np.argmax(size))
+    rms = float(np.sqrt(np.mean(size**2)))
+    return {"max": float(size[worst]), "rms": rms, "at_s": float(at[worst]), "rows": len(size)}
 
 
 def render(records: Records, names: Sequence[str], difference: bool) -> str:
     """The page: a panel for each unit; with `difference` another of what the others lie above the first."""
     units: dict[str, list[str]] = {}
     for name in names:
-        unit = next(r.units[name] for r in records.values() if name in r)
-        units.setdefault(unit, []).append(name)
+        units.setdefault(unit_of(records, name), []).append(name)
     drawn = [_panel(f"values{i}", u, _values(records, n)) for i, (u, n) in enumerate(units.items())]
     if difference:
         drawn += [
@@ -107,7 +112,7 @@ def _values(records: Records, names: Sequence[str]) -> Iterable[tuple[str, str, 
         for name, color in zip(names, cycle(COLORS), strict=False):
             if name in record:
                 shown = name if len(records) == 1 else f"{name}, {label}"
-                yield shown, color, dash, record.time, record.column(name).astype(float)
+                yield shown, color, dash, record.time, in_unit(record, name, unit_of(records, name))
 
 
 def _differences(
@@ -122,7 +127,8 @@ def _differences(
 
 def _difference(base: Record, other: Record, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Times of `base` that lie within both, and how far `other` lies above it there."""
-    time, mine, theirs = base.time, base.column(name).astype(float), other.column(name).astype(float)
+    time, mine = base.time, base.column(name).astype(float)
+    theirs = in_unit(other, name, base.units[name])
     if np.array_equal(time, other.time):
         return time, theirs - mine
     if not len(other.time):
@@ -138,7 +144,7 @@ def _panel(name: str, unit: str, lines: Iterable[tuple[str, str, str, np.ndarray
         data.append(
             {
                 "type": "scatter",
-                "mode": "lines",
+                "mode": "lines+markers" if _alone(values[rows]) else "lines",
                 "name": label,
                 "x": _numbers(time[rows]),
                 "y": _numbers(values[rows]),
@@ -162,13 +168,20 @@ def _shown_rows(values: np.ndarray) -> np.ndarray:
     if len(values) <= MOST_POINTS:
         return np.arange(len(values))
     edges = np.linspace(0, len(values), MOST_POINTS // 2 + 1).astype(int)
-    known = np.nan_to_num(values)
-    rows = [
-        first + int(pick(known[first:end]))
-        for first, end in pairwise(edges)
-        for pick in (np.argmin, np.argmax)
-    ]
+    known = np.isfinite(values)
+    rows = []
+    for first, end in pairwise(edges):
+        part, good = values[first:end], known[first:end]
+        low, high = np.argmin(np.where(good, part, np.inf)), np.argmax(np.where(good, part, -np.inf))
+        gap = np.argmin(good)  # a row without a value, so that the line has its gap; else the first one
+        rows += [first + int(k) for k in (low, high, *(() if good[gap] else (gap,)))]
     return np.unique([0, *rows, len(values) - 1])
+
+
+def _alone(values: np.ndarray) -> bool:
+    """Whether a value has none beside it: a line alone would not show it."""
+    known = np.concatenate([[False], np.isfinite(values), [False]])
+    return bool(np.any(known[1:-1] & ~known[:-2] & ~known[2:]))
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:

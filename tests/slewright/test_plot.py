@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from records.record import Column, Record, RecordWriter
@@ -69,6 +70,51 @@ def test_columns_are_chosen_by_name_or_pattern() -> None:
         chosen({"a": record()}, ["angel"])
 
 
+def test_a_peak_beside_missing_values_is_kept_and_so_is_the_gap() -> None:
+    values = np.where(np.arange(100_001) == 54_321, -1.0, -5.0)
+    values[50_000:60_000:2] = np.nan
+    t = np.arange(len(values)) * 1e-3
+    long = Record.from_rows(COLUMNS, np.stack([t, values, t, t], axis=1), {})
+    line = figures(render({"a": long}, ["angle"], False))[0]["data"][0]
+    assert -1.0 in line["y"]
+    assert None in line["y"]
+
+
+def test_a_single_row_is_seen() -> None:
+    drawn = figures(render({"a": record(1)}, ["angle"], False))
+    assert drawn[0]["data"][0]["mode"] == "lines+markers"
+    assert figures(render({"a": record(2)}, ["angle"], False))[0]["data"][0]["mode"] == "lines"
+
+
+def of_one(unit: str, values: list[float], start: float = 0.0) -> Record:
+    time = np.arange(len(values)) + start
+    return Record.from_rows([Column("time", "s", ""), Column("y", unit, "")], np.stack([time, values], 1), {})
+
+
+def test_other_units_are_converted_or_refused() -> None:
+    records = {"a": of_one("deg", [180.0, 90.0]), "b": of_one("rad", [np.pi, np.pi / 2])}
+    assert differences(records, ["y"])[0]["max"] < 1e-12
+    drawn = figures(render(records, ["y"], False))
+    assert drawn[0]["data"][1]["y"] == pytest.approx([180.0, 90.0])
+    with pytest.raises(InputError, match="column y is in m in one record and in deg in another"):
+        differences({"a": of_one("deg", [1.0, 2.0]), "b": of_one("m", [1.0, 2.0])}, ["y"])
+
+
+def test_what_cannot_be_compared_is_no_difference_of_zero() -> None:
+    (found,) = differences({"a": of_one("m", [1.0, 2.0]), "b": of_one("m", [1.0, 2.0], 10.0)}, ["y"])
+    assert found["rows"] == 0
+    assert np.isnan(found["max"])
+
+
+def test_columns_that_are_no_numbers_are_left_out() -> None:
+    table = record().table.append_column("name", pa.array(["a"] * 101))
+    assert chosen({"a": Record(table, {})}, []) == ["angle", "speed", "on"]
+    with pytest.raises(InputError, match="a: there is no column of numbers beside the time"):
+        chosen({"a": Record(table.select(["time", "name"]), {})}, [])
+    with pytest.raises(InputError, match="a: there is no column time of numbers"):
+        chosen({"a": Record(pa.table({"time": ["a"], "y": [1.0]}), {})}, [])
+
+
 def test_the_command(slewright: Command, tmp_path: Path) -> None:
     for name, offset in (("a", 0.0), ("b", 0.5)):
         with RecordWriter(tmp_path / f"{name}.parquet", COLUMNS, {}) as writer:
@@ -84,3 +130,12 @@ def test_the_command(slewright: Command, tmp_path: Path) -> None:
     refused = slewright("plot", str(first), "--difference")
     assert refused.returncode == 2
     assert "--difference needs a second record" in refused.stderr
+    for name, unit in (("far", COLUMNS[1]), ("other", Column("y", "deg", ""))):
+        with RecordWriter(tmp_path / f"{name}.parquet", [COLUMNS[0], unit], {}) as writer:
+            writer.append(np.array([[50.0, 1.0], [51.0, 2.0]]))
+        refused = slewright("plot", str(first), "--difference", "--with", str(tmp_path / f"{name}.parquet"))
+        assert refused.returncode == 2
+        assert "in common" in refused.stderr
+    refused = slewright("plot", str(tmp_path / "f.json"))
+    assert refused.returncode == 2
+    assert "slewright convert makes one" in refused.stderr

@@ -66,3 +66,12 @@ def test_what_is_calculated_cannot_be_set(slewright_here: Command, tmp_path: Pat
     assert (
         "exchange.y is of causality output, not a parameter, and has no start value that can be set" in said
     )
+
+
+def test_of_one_fmu_the_component_goes_without_saying(slewright_here: Command, tmp_path: Path) -> None:
+    _, out = run(slewright_here, exchange(3, tmp_path), "x=1.5")
+    assert read(out).column("x")[0] == 1.5
+    said, _ = run(slewright_here, exchange(3, tmp_path), "mew=1")
+    assert "--set mew=1: the system has no input or parameter of that name; valid: kind, mu, u; " in said
+    said, _ = run(slewright_here, exchange(3, tmp_path), "mu=1", "exchange.mu=2")
+    assert "--set exchange.mu is given twice" in said

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 from specs.signals import PATH, WIRED, Signal, definition, signal, signals
 from specs.wire import CanPlace, bus_load, frame_bits
 
@@ -178,3 +178,7 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
 )
 def test_a_value_that_cannot_be_a_signals_is_named(name: str, value: float, said: str):
     assert signal(name).wrong(value) == said
+
+
+def test_without_any_choice_that_is_said() -> None:
+    assert nearest("u_slw", []) == "there is none"

@@ -29,6 +29,8 @@ ROUNDS = 2  # fits, each with the scales that the one before found
 TOLD = 0.5  # of the way between the bounds: a wider interval tells nothing
 ALIKE = 0.98  # correlation of two parameters that recordings cannot tell apart
 SAME = 0.01  # of the way: starts that end within it end at the same place
+AS_GOOD = 1e-6  # more of the cost: the earlier start counts, first of all the system's own values
+LEAST = 1e-5  # of an output's spread: smaller errors count as this, which keeps the slopes in proportion
 
 
 @dataclass(frozen=True)
@@ -136,13 +138,19 @@ def fit(problem: Problem, starts: int, seed: int, report: Report) -> tuple[Fitte
     for number, begin in enumerate(begins):
         report("fit", number, len(begins))
         found.append(_fitted(problem, np.asarray(begin)))
-    best = min(found, key=lambda f: f.cost)
+    best = _best(found)
     for _ in range(ROUNDS - 1):
         report("fit with the outputs' own errors", len(begins), len(begins))
         rms = problem.rms(best.shares, problem.recordings)
-        problem.scales = {n: max(rms[n], 1e-9 * s) for n, s in problem.scales.items()}
+        problem.scales = {n: max(rms[n], LEAST * s) for n, s in problem.scales.items()}
         best = _fitted(problem, best.shares)
     return best, found
+
+
+def _best(found: Sequence[Fitted]) -> Fitted:
+    """The first of those that are as good as the best: what nothing tells stays where the system has it."""
+    least = min(f.cost for f in found)
+    return next(f for f in found if f.cost <= least * (1.0 + AS_GOOD) + len(f.residuals) * LEAST**2)
 
 
 def _fitted(problem: Problem, begin: np.ndarray) -> Fitted:
@@ -188,8 +196,9 @@ def figures(
             "interval": [max(value - half, m.low), min(value + half, m.high)],
             "told": bool(wide[k] < TOLD),
         }  # fmt: skip
-    first = min(every, key=lambda f: f.cost)  # `best` goes on from there, with other scales
-    same = [f for f in every if np.max(np.abs(f.shares - first.shares)) < SAME]
+    first = _best(every)  # `best` goes on from there, with other scales
+    told = wide < TOLD  # the others may end anywhere
+    same = [f for f in every if np.max(np.abs(f.shares - first.shares), where=told, initial=0.0) < SAME]
     return {
         "parameters": rows,
         "alike": _alike(problem.parameters, covariance),

@@ -150,7 +150,6 @@ def _check_fmu(fmu: Path | None, can: bool, controller: str, engine: str, out: P
 
 def _write_fmu(made: Any, path: Path, can: bool) -> str:
     """Write it; what it is."""
-    from deployment.bundling.fmu import build_fmu
     from deployment.network import reference, system
 
     if path.suffix == ".ssp":
@@ -159,5 +158,5 @@ def _write_fmu(made: Any, path: Path, can: bool) -> str:
     if can:
         reference.build_controller(made, path)
         return "its control core as an FMU with CAN (FMI-LS-BUS) and plain signals"
-    build_fmu(made, path)
+    reference.build_plain(made, path)
     return "its control core as an FMU"

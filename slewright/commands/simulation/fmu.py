@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from records.figures_file import check_target
+from records.figures_file import check_suffix
 from specs.errors import InputError
 
 
@@ -13,7 +13,12 @@ def fmu(
     source: Annotated[Path, typer.Argument(metavar="NAME.py", help="The file with a class that has `step`.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.fmu", callback=check_target, help="The FMU (default: NAME.fmu)."),
+        typer.Option(
+            "--out",
+            metavar="FILE.fmu",
+            callback=lambda file: check_suffix(file, ".fmu"),
+            help="The FMU (default: NAME.fmu).",
+        ),
     ] = None,
     class_name: Annotated[
         str | None, typer.Option("--class", metavar="NAME", help="Which class, where there are several.")
@@ -33,6 +38,8 @@ def fmu(
 
     from fmus.python.pack import build_python_fmu
 
+    if not source.is_file():
+        raise InputError(f"{source}: there is no such file")
     target = out or source.with_suffix(".fmu")
     if target.resolve() == source.resolve():
         raise InputError(f"{source} is to be read; the FMU needs another name: --out FILE.fmu")

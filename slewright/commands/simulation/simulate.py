@@ -64,8 +64,8 @@ def simulate(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="A parameter or start value (component.variable) or an input of the system, for the whole "
-            "run (repeatable); an array's numbers separated by commas.",
+            help="A parameter or start value (component.variable; of one FMU also variable) or an input of "
+            "the system, for the whole run (repeatable); an array's numbers separated by commas.",
         ),
     ] = None,
     tell_stop: Annotated[
@@ -142,12 +142,10 @@ def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict
         if not (name and equals):
             raise InputError(f"--set {text} is not of the form NAME=VALUE")
         if name not in system.inputs:
-            if "." not in name and name not in system.parameters:
-                own = [*system.inputs, *system.parameters]
-                raise InputError(
-                    f"--set {text}: the system has no input or parameter of that name; {nearest(name, own)}; "
-                    f"of its components: COMPONENT.PARAMETER, with {', '.join(system.components)}"
-                )
+            name = _full_name(name, text, system)
+        if name in parameters or name in inputs:
+            raise InputError(f"--set {name} is given twice")
+        if name not in system.inputs:
             parameters[name] = _values(value, _is_array(system, name))
             continue
         number = _values(value, system.inputs[name].size > 1)
@@ -155,6 +153,23 @@ def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict
             raise InputError(f"--set {text}: input {name} needs a number")
         inputs[name] = number
     return parameters, inputs
+
+
+def _full_name(name: str, text: str, system: Any) -> str:
+    """Of a parameter: with its component, which goes without saying where there is only one."""
+    if "." in name or name in system.parameters:
+        return name
+    own, components = [*system.inputs, *system.parameters], list(system.components)
+    if len(components) == 1:
+        variables = system.components[components[0]].model.variables
+        if name in variables:
+            return f"{components[0]}.{name}"
+        own += [v.name for v in variables.values() if v.causality == "parameter"]
+    near = f"{nearest(name, own)}; " if own else ""
+    raise InputError(
+        f"--set {text}: the system has no input or parameter of that name; {near}"
+        f"of its components: COMPONENT.PARAMETER, with {', '.join(components)}"
+    )
 
 
 def _is_array(system: Any, name: str) -> bool:

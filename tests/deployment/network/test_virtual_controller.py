@@ -4,7 +4,7 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from orchestrator.system.layout import lay_out
 from orchestrator.system.stimuli import Stimuli
 from records import record as records
 from records.record import Record
+from runtime.bundle import Bundle
 from slewright import __main__ as entry
 from specs import scenario
 from specs.errors import InputError
@@ -295,9 +296,12 @@ def test_values_are_set_on_the_command_line(
     assert records.read(out).column("bus.dropped")[-1] > 300
 
 
-def test_the_controller_does_what_it_carries(slewright_here: Command, tmp_path: Path) -> None:
+@pytest.mark.parametrize("build", [reference.build_controller, reference.build_plain])
+def test_the_controller_does_what_it_carries(
+    slewright_here: Command, tmp_path: Path, build: Callable[[Bundle, Path], Path]
+) -> None:
     """Three seconds with the machine by plain signals; another parameter, and the outputs differ."""
-    fmu = reference.build_controller(built(), tmp_path / "c.fmu")
+    fmu = build(built(), tmp_path / "c.fmu")
     (experiment,) = experiments.read(fmu)
     assert experiment.references is not None
     found = series.read(experiment.references[1], "outputs.csv").columns

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fmpy.validation import validate_fmu
 
-from fmus.network.bus import build_bus, definition_of_bus
+from fmus.network.bus import build_bus, definition_of_bus, main
 from orchestrator.fmi.instance import Instance
 from orchestrator.fmi.variable import Value
 from orchestrator.system.check import load_system
@@ -219,3 +219,26 @@ def test_its_state_is_all_of_it(path: Path, bus: Bus) -> None:
 def test_a_bus_for_no_number_of_nodes_is_refused() -> None:
     with pytest.raises(InputError, match="a bus for 1 nodes; valid: 2 … 16"):
         definition_of_bus(1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "a file and a whole number"),
+        (["b.fmu", "three"], "a file and a whole number"),
+        (["b.fmu", "1"], "a bus for 1 nodes; valid: 2 … 16"),
+        (["b.txt", "3"], "valid: FILE.fmu"),
+        (["nowhere/b.fmu", "3"], "in a folder that there is"),
+    ],
+)
+def test_wrong_arguments_are_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+    arguments: list,
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

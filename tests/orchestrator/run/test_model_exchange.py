@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -184,3 +185,55 @@ def test_a_kind_that_is_not_offered_is_refused(tmp_path: Path) -> None:
     files = {"exchange": exchange(3, tmp_path), "position": fmu("position")}
     with pytest.raises(InputError, match="offers no CoSimulation"):
         load(tmp_path, in_system(tmp_path, ' implementation="CoSimulation"'), files)
+
+
+def rewritten(folder: Path, fmi_version: int, old: str, new: str) -> Path:
+    """The FMU with another list of derivatives."""
+    path, changed = exchange(fmi_version, folder), folder / "changed.fmu"
+    with ZipFile(path) as before, ZipFile(changed, "w") as after:
+        for name in before.namelist():
+            content = before.read(name).decode("latin-1")
+            after.writestr(
+                name, (content.replace(old, new) if name.endswith(".xml") else content).encode("latin-1")
+            )
+    return changed
+
+
+RATES2 = '<Derivatives><Unknown index="3"/><Unknown index="5"/></Derivatives>'
+RATES3 = '<ContinuousStateDerivative valueReference="2"/><ContinuousStateDerivative valueReference="4"/>'
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        (
+            "",
+            "",
+            "ModelStructure lists no derivative, but there is der\\(x\\), der\\(v\\): no state would move",
+        ),
+        (2, 2, "ModelStructure lists the derivative der\\(x\\) twice"),
+        (2, 6, "ModelStructure lists mu as a derivative; it is of causality parameter"),
+    ],
+)
+@VERSIONS
+def test_lists_of_derivatives_that_cannot_be(
+    tmp_path: Path, fmi_version: int, first: int, second: int, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        load_system(with_rates(tmp_path, fmi_version, first, second))
+
+
+@VERSIONS
+def test_a_derivative_that_is_not_listed_gives_a_warning(tmp_path: Path, fmi_version: int) -> None:
+    system = load_system(with_rates(tmp_path, fmi_version, 2))
+    assert any("does not list der(v) among the derivatives" in text for text in system.warnings)
+    assert not any("derivatives" in text for text in load_system(exchange(fmi_version, tmp_path)).warnings)
+
+
+def with_rates(folder: Path, fmi_version: int, *numbers: int | str) -> Path:
+    """The FMU with the variables of other value references listed as derivatives; "" stands for none."""
+    if fmi_version == 2:
+        listed = "".join(f'<Unknown index="{int(n) + 1}"/>' for n in numbers if n)
+        return rewritten(folder, 2, RATES2, f"<Derivatives>{listed}</Derivatives>")
+    listed = "".join(f'<ContinuousStateDerivative valueReference="{n}"/>' for n in numbers if n)
+    return rewritten(folder, 3, RATES3, listed)

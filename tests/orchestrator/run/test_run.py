@@ -225,6 +225,7 @@ def test_wrong_parameters_are_refused_and_nothing_is_written(
     ("name", "words"),
     [
         ("plase", "cannot record 'plase', nor is it a signal of specs/signals.toml; did you mean place"),
+        ("zzz", "specs/signals.toml; valid: place, v; of its components: COMPONENT.VARIABLE, with position"),
         ("q_slew", "cannot record 'q_slew': it is a signal, but not here"),
         ("position.positon", "component position: no variable 'positon'; did you mean position"),
         ("tool.x", "has no component 'tool'"),

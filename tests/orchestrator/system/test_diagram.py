@@ -35,3 +35,12 @@ def test_connections_units_and_ways_back(tmp_path: Path) -> None:
     texts = [t.text for t in root.iter(f"{SVG}text")]
     assert {"position [m]", "shown [mm]", "v [m/s]"} <= set(texts)
     assert draw(load(tmp_path, text, ("position", "speed"))) == picture
+
+
+def test_a_long_name_fits_its_box(tmp_path: Path) -> None:
+    name = "a_component_whose_name_is_long"
+    part = component(name, "speed", connector("speed", "output"))
+    text = ssd([part], [connection(f"{name}.speed", "shown")], [connector("shown", "output")])
+    root = ElementTree.fromstring(draw(load(tmp_path, text, ("speed",))))
+    first = next(r for r in root.iter(f"{SVG}rect") if r.get("class") == "box")
+    assert float(first.get("width", 0)) >= 8.2 * len(name)  # of a bold character

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmus.python.pack import build_python_fmu
 from fmus.toolchain.build import build_fmu
 from fmus.toolchain.loader import model_folders
 from orchestrator.fmi.instance import LIMIT_S
@@ -186,3 +187,56 @@ def test_runs_that_hang_are_said_and_the_third_ends_the_fit(arm: Path) -> None:
     assert "no answer from doStep within 5 s" in told[0]
     with pytest.raises(RunError, match=r"3 runs hung; the last: monday.csv .* doStep within 5 s"):
         problem.residuals(shares)
+
+
+LAG = """
+class Lag:
+    inputs = {"u": 0.0}
+    outputs = {"y": 0.0}
+    parameters = {"a": 1.0, "b": 1.0, "idle": 1.0, "T": 1.0}
+    step_s = 0.1
+
+    def step(self, time, h):
+        self.y += h * (self.a * self.b * self.u - self.y) / self.T
+"""
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """An FMU, and a recording without any noise of what it gives with a = 2.5 and T = 0.7."""
+    folder = tmp_path_factory.mktemp("lag")
+    (folder / "lag.py").write_text(LAG)
+    (folder / "lag.fmu").write_bytes(build_python_fmu(folder / "lag.py"))
+    time = np.arange(81) * 0.1
+    u, y = (time > 1.0) + 0.3 * np.sin(time), np.zeros(81)
+    for k in range(80):
+        y[k + 1] = y[k] + 0.1 * (2.5 * u[k] - y[k]) / 0.7
+    table = np.column_stack([time, u, y])
+    np.savetxt(folder / "lag.csv", table, delimiter=",", header="time [s],u,y", comments="")
+    return folder / "lag.fmu", folder / "lag.csv"
+
+
+def fit_of_lag(slewright: Command, lag: tuple[Path, Path], file: Path, *names: str) -> dict:
+    options = [text for name in names for text in ("--parameter", name)]
+    done = slewright("fit", "fmu", *lag, *options, "--json", file)
+    assert done.returncode == 0, done.stderr
+    return json.loads(file.read_text())
+
+
+def test_what_nothing_tells_stays_where_it_is(
+    slewright_here: Command, lag: tuple[Path, Path], tmp_path: Path
+) -> None:
+    found = fit_of_lag(slewright_here, lag, tmp_path / "f.json", "a", "idle", "T")
+    values = {n: p["value"] for n, p in found["parameters"].items()}
+    assert values == pytest.approx({"Lag.a": 2.5, "Lag.idle": 1.0, "Lag.T": 0.7}, rel=1e-4)
+    assert not found["parameters"]["Lag.idle"]["told"]
+    assert found["starts_to_the_same"] == 3  # wherever `idle` ended
+
+
+def test_of_a_product_neither_factor_is_told_without_noise_too(
+    slewright_here: Command, lag: tuple[Path, Path], tmp_path: Path
+) -> None:
+    found = fit_of_lag(slewright_here, lag, tmp_path / "f.json", "a", "b", "T")
+    told = {n: p["told"] for n, p in found["parameters"].items()}
+    assert told == {"Lag.a": False, "Lag.b": False, "Lag.T": True}
+    assert found["alike"][0]["parameters"] == ["Lag.b", "Lag.a"]
