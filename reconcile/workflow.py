@@ -190,7 +190,7 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
         r.name: row
         for r in core.runs
         if (
-            row := figures["nuisances"].get(r.name, {})
+            row := figures["nuisances"].get(r.recording, {})
             | alike.get(r.name, {})
             | ({"mended": notes} if (notes := [*r.notes, *mended]) else {})
         )

@@ -47,40 +47,33 @@ def differing(core: Core, answer: Answer) -> dict[str, Clock]:
 
     The recording whose outputs are least late is the reference, at 0: what all have in common is a delay.
     """
-    names = [r.run.name for r in core.records]
-    if len(set(names)) < 2 or not core.folder.ports.controls or not core.model.inputs:
+    names = _recordings(core)
+    if len(names) < 2 or not core.folder.ports.controls or not core.model.inputs:
         return {}
     for point in (answer.point, answer.base):
         offsets = core.period * np.arange(-LATEST, LATEST + 1)
         table = _table(core, point, [(o, 0.0) for o in offsets])
-        if table is not None and (found := _told(core, point, names, offsets, table)):
+        if table is not None and (found := _told(core, names, offsets, table)):
             return found
     return {}
 
 
-def _told(
-    core: Core, point: Point, names: Sequence[str], offsets: np.ndarray, table: np.ndarray
-) -> dict[str, Clock]:
+def _told(core: Core, names: Sequence[str], offsets: np.ndarray, table: np.ndarray) -> dict[str, Clock]:
     """Clocks from nats [offsets, recordings]; {} where one offset serves all."""
-    inside = table[1:-1]
-    best = 1 + np.argmin(inside, axis=0)
+    best = 1 + np.argmin(table[1:-1], axis=0)
     gained = float(table.sum(axis=1).min() - table.min(axis=0).sum())
     if gained < CLOCK_GAIN * len(names):
         return {}
-    found = {}
+    clocks = {}
     for r, name in enumerate(names):
         k = best[r]
         left, middle, right = table[k - 1 : k + 2, r]
         bend = max(left - 2.0 * middle + right, 1e-9)
         offset = offsets[k] + 0.5 * core.period * float(np.clip((left - right) / bend, -1.0, 1.0))
-        found.setdefault(name, []).append((float(offset), core.period / float(np.sqrt(bend))))
-    clocks = {
-        n: Clock(float(np.mean([o for o, _ in v])), 0.0, min(e for _, e in v)) for n, v in found.items()
-    }
+        clocks[name] = Clock(float(offset), 0.0, core.period / float(np.sqrt(bend)))
     least = min(clocks.values(), key=lambda c: abs(c.offset_s)).offset_s
     clocks = {n: replace(c, offset_s=c.offset_s - least) for n, c in clocks.items()}
     largest = max(abs(c.offset_s) for c in clocks.values())
-    del point
     return clocks if largest > LEAST * core.period else {}
 
 
@@ -96,8 +89,16 @@ def _table(core: Core, point: Point, clocks: Sequence[tuple[float, float]]) -> n
             kalman.extra = (0.0, 0.0)
         if run is None:
             return None
-        rows.append([_nats(fitter, f, record) for f, record in zip(run, core.records, strict=True)])
+        nats = dict.fromkeys(_recordings(core), 0.0)
+        for f, record in zip(run, core.records, strict=True):
+            nats[record.run.recording] += _nats(fitter, f, record)
+        rows.append(list(nats.values()))
     return np.array(rows)
+
+
+def _recordings(core: Core) -> list[str]:
+    """Names of the recordings, each once."""
+    return list(dict.fromkeys(r.run.recording for r in core.records))
 
 
 def _nats(fitter, f, record) -> float:
@@ -108,7 +109,7 @@ def _nats(fitter, f, record) -> float:
 
 def corrected(runs: Sequence[Run], clocks: Mapping[str, Clock]) -> list[Run]:
     """The runs with their outputs' times set right."""
-    return [_corrected(r, clocks[r.name]) if r.name in clocks else r for r in runs]
+    return [_corrected(r, clocks[r.recording]) if r.recording in clocks else r for r in runs]
 
 
 def said(clocks: Mapping[str, Clock]) -> str:
@@ -135,7 +136,6 @@ def settled(
     """The same, looked at once more with the recordings set right so far."""
     core = again([corrected(runs, clocks) for runs in given])
     own = {n: v for n, v in point.values.items() if n in core.values}
-    names = [r.run.name for r in core.records]
     offsets = 0.25 * core.period * np.arange(-6, 7)
     table = _table(
         core, replace(core.base, values=core.values | own, present=point.present), [(o, 0.0) for o in offsets]
@@ -143,7 +143,7 @@ def settled(
     if table is None:
         return clocks
     best = offsets[np.argmin(table, axis=0)]
-    more = dict(zip(names, best, strict=True))
+    more = dict(zip(_recordings(core), best, strict=True))
     found = {n: replace(c, offset_s=c.offset_s + float(more.get(n, 0.0))) for n, c in clocks.items()}
     least = min(found.values(), key=lambda c: abs(c.offset_s)).offset_s
     return {n: replace(c, offset_s=c.offset_s - least) for n, c in found.items()}

@@ -56,7 +56,13 @@ class Run:
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     notes: tuple[str, ...] = ()  # what reading the recording mended
+    of: str = ""  # the recording, where its name is another
     before_s: float = 0.0  # between the recording's begin and the stretch: what drifts does so in gaps too
+
+    @property
+    def recording(self) -> str:
+        """Name of the recording of which this is a stretch: its stretches share a clock."""
+        return self.of or self.name
 
     @property
     def began_s(self) -> float:
@@ -113,7 +119,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             label = name if not runs else f"{name}.{len(runs)}"
             before = start - pieces[0].start_s
             notes = () if runs else measured.repairs  # said once for a recording, not for each stretch
-            runs.append(Run(label, start, end, *signals, notes=notes, before_s=before))
+            runs.append(Run(label, start, end, *signals, notes=notes, of=name, before_s=before))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs

@@ -56,6 +56,16 @@ def test_what_all_runs_share_is_no_nuisance(rig, offset):
     assert clocks_of(rig, offset, offset) == {}
 
 
+def test_stretches_of_one_recording_share_its_clock(rig):
+    first, second = runs(rig, 0.0, 0.05)
+    assert first.recording != second.recording
+    parted = [first, replace(second, name="run0.1", of=first.recording)]
+    core = Core(rig, split(parted, [], []), ())
+    beam = Beam(core)
+    beam.run()
+    assert differing(core, Answer(core, beam, Judge(beam).decide())) == {}
+
+
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_clock_is_taken_out_and_said(rig):
