@@ -59,13 +59,21 @@ def listed(names: list[str], last: str = "and") -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
-def either(sets: Iterable[Iterable[tuple[str, str]]]) -> str:
-    """Sets of effects (name, port) that explain as much, and what all of them hold: a, or as well: b."""
-    rows = [list(one) for one in sets]
-    first, *others = map(together, rows)
+def either(sets: Iterable[Iterable[tuple[str, str]]], what: str = "model") -> str:
+    """A sentence on sets of effects (name, port) that explain as much: what is certain, and what is not."""
+    rows, lacks = [sorted(one) for one in sets], f"The {what} lacks"
     common = set.intersection(*({name for name, _ in one} for one in rows))
-    sure = f" {listed(sorted(common))} in any case." if common else ""
-    return f"{first}, or as well: {'; '.join(others)}.{sure}"
+    rest = [[pair for pair in one if pair[0] not in common] for one in rows]
+    sure, doubtful = listed(sorted(common)), ", or ".join(together(one) for one in rest if one)
+    which = "the recordings do not tell which"
+    if not common:
+        return f"{lacks} {doubtful}: {which}."
+    if not doubtful:  # the same effects in other places
+        places = [listed([f"{name} ({port})" for name, port in one]) for one in rows]
+        return f"{lacks} {', or '.join(places)}: {which}."
+    if not all(rest):
+        return f"{lacks} {sure}, and perhaps {doubtful}."
+    return f"{lacks} {sure}, and besides {doubtful}: {which}."
 
 
 def together(effects: Iterable[tuple[str, str]]) -> str:

@@ -88,7 +88,7 @@ def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, 
     if said and answer.alternatives:
         return (
             "ambiguous",
-            words.either([(n, "") for n in names(f)] for f in (fitted, *answer.alternatives)),
+            words.either(([(n, "") for n in names(f)] for f in (fitted, *answer.alternatives)), "FMU"),
             left,
         )
     if said:

@@ -54,7 +54,11 @@ def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tm
             known = {"proposal": first["next_experiment"], "before": "ambiguous", "achieved_margin": 31.0}
             return {"verdict": "named", "sentence": "The model lacks a.", "experiment": known}
         out.mkdir()
-        first.update(verdict="ambiguous", sentence="a, or as well: b.", next_experiment=proposal(out))
+        first.update(
+            verdict="ambiguous",
+            sentence="The model lacks a, or b: the recordings do not tell which.",
+            next_experiment=proposal(out),
+        )
         return first
 
     first: dict = {}
@@ -79,7 +83,11 @@ def test_nothing_is_driven_where_nothing_is_proposed(tmp_path, monkeypatch):
 def test_predicted_and_achieved_margins_stand_side_by_side(monkeypatch):
     pairs = [{"one": ["a"], "other": ["b"], "predicted_margin": 40.0}]
     asked = {"pairs": pairs, "predicted_margin": 40.0, "sentence": SENTENCE, "plan": "experiment.toml"}
-    first = {"verdict": "ambiguous", "sentence": "a, or as well: b.", "next_experiment": asked}
+    first = {
+        "verdict": "ambiguous",
+        "sentence": "The model lacks a, or b: the recordings do not tell which.",
+        "next_experiment": asked,
+    }
     reached = [{"one": ["b"], "other": ["a"], "achieved_margin": 31.0}]
     monkeypatch.setattr(achieved, "margins", lambda *_: reached)
     model = SimpleNamespace(name="slew")
@@ -89,7 +97,7 @@ def test_predicted_and_achieved_margins_stand_side_by_side(monkeypatch):
     figures = {"experiment": found, "sentence": "The model lacks b.", "next_experiment": None}
     json.dumps(figures)
     assert drive.lines(figures) == [
-        "before: ambiguous: a, or as well: b.",
+        "before: ambiguous: The model lacks a, or b: the recordings do not tell which.",
         f"driven: {SENTENCE}",
         "b or a: a margin of 40 was predicted, 31 is reached",
         "after: named: The model lacks b.",

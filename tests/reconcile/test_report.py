@@ -312,11 +312,15 @@ def test_effects_are_listed_and_one_that_is_there_twice_with_its_ports():
 
 
 def test_a_doubt_says_what_is_certain():
-    load, bias = ("load", "axis"), ("bias", "angle")
-    assert words.either([[load], [bias]]) == "load, or as well: bias."
-    assert words.either([[load, ("lag", "u")], [("lag", "u"), bias]]) == (
-        "lag and load, or as well: bias and lag. lag in any case."
+    load, bias, lag = ("load", "axis"), ("bias", "angle"), ("lag", "u")
+    which = "the recordings do not tell which."
+    assert words.either([[load], [bias]]) == f"The model lacks load, or bias: {which}"
+    assert words.either([[load, lag], [bias]]) == f"The model lacks lag and load, or bias: {which}"
+    assert (
+        words.either([[load, lag], [lag, bias]]) == f"The model lacks lag, and besides load, or bias: {which}"
     )
+    assert words.either([[load, lag], [lag]]) == "The model lacks lag, and perhaps load."
+    assert words.either([[lag], [("lag", "y")]]) == f"The model lacks lag (u), or lag (y): {which}"
 
 
 @pytest.mark.parametrize(("after", "shrunk"), [(0.02, True), (0.13, False)])
