@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from reconcile.equations.model import Attached
 from reconcile.filter.point import Point
+from reconcile.search import quiet
 from reconcile.search.core import Core
 from reconcile.search.screen import Screen
 from reconcile.search.sets import BEHIND, FRESH, LONG, Key, Sets, effects
@@ -95,7 +96,11 @@ class Beam(Sets):
             if scored.gain >= WORTH:
                 self.fit(key, (scored.attached,), [plain.values | scored.values], fresh=own)
                 found += [key] if key in self.points and self.evidence(key) > before else []
-        return sorted(found, key=lambda k: -self.evidence(k))[: KEPT[0]]
+        for point in quiet.grown(self, plain, scores[: 2 * SINGLES[0]]):
+            key = frozenset(point.present)
+            self.fit(key, point.present, [point.values])
+            found += [key] if key in self.points and self.evidence(key) > before else []
+        return sorted(dict.fromkeys(found), key=lambda k: -self.evidence(k))[: KEPT[0]]
 
     def _refresh(self) -> None:
         """Fit the best sets again from the model as it came."""
