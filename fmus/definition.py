@@ -47,7 +47,8 @@ class Variable:
     nominal: float | None = None
     vr: int | None = None
     fixed: bool = False  # parameters: not tunable after initialisation
-    tolerance: float | None = None  # parameters: relative standard deviation of `start`, where it is known
+    tolerance: float | None = None  # parameters: relative standard deviation of `start`, where it is known;
+    # of positive ones from about 1 on of their ratio to it: 10 is a factor of eleven
 
 
 @dataclass(frozen=True)

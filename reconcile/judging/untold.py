@@ -9,6 +9,7 @@ from reconcile.catalogue import ALL, Effect
 from reconcile.equations.model import Folder, candidates
 from reconcile.equations.reach import behind, felt, states_behind
 from reconcile.recordings.data import Run, still
+from reconcile.search.free import stated
 from reconcile.tolerances import KNOWN
 
 # Effects that only a further channel tells apart: what is lacking, and what it is then taken for.
@@ -102,7 +103,7 @@ def unseen(core) -> list[dict[str, object]]:
     for v in model.parameters:
         told = known.get(v.name, 1.0) < KNOWN
         asked = v.name in doubtful if doubtful is not None else v.name not in _sensing(model)
-        if asked and not (told or v.fixed or v.tolerance):
+        if asked and not (told or v.fixed or stated(v)):
             rows.append(_advice(core.folder, core.outputs, v.name))
     return sorted(rows, key=lambda r: not r["drive"])
 

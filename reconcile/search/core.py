@@ -17,7 +17,7 @@ from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.recordings.data import Parts, Run, still
 from reconcile.recordings.noise import high_pass_level, quantum
-from reconcile.search.free import FreeParameters
+from reconcile.search.free import FreeParameters, stated
 from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
 
@@ -202,8 +202,8 @@ class Core:
         """By base parameter the deviation that the recordings leave it, as a share of its prior's."""
         size = np.sqrt(np.maximum(np.diag(self.base.covariance()), 0.0))
         found = {f.name: float(s) for f, s in zip(self.base.free, size, strict=True)}
-        stated = {v.name for v in self.model.parameters if v.tolerance}  # known well enough without
-        return {f.name: found[f.name] for f in self.base_free if f.name not in stated}
+        well = {v.name for v in self.model.parameters if stated(v)}  # known well enough without
+        return {f.name: found[f.name] for f in self.base_free if f.name not in well}
 
     def settle(self) -> None:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""

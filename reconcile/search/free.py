@@ -48,9 +48,10 @@ class FreeParameters:
         elif np.isfinite(high - low):
             size = min(size, high - low)
         log = v.start > 0.0 and low >= 0.0 and size >= 0.5 * v.start
-        return Free(
-            v.name, v.start, BROAD if log else size, log, max(low, 1e-9 * v.start) if log else low, high
-        )
+        if log:  # a loose tolerance is one of the ratio: 10 is eleven times as large or small
+            ratio = float(np.log1p(v.tolerance)) if v.tolerance else BROAD
+            return Free(v.name, v.start, ratio, True, max(low, 1e-9 * v.start), high)
+        return Free(v.name, v.start, size, False, low, high)
 
     def of_effect(self, a: Attached, scales: Mapping[str, Scales]) -> list[Free]:
         """An effect's parameters as they are fitted, centred at the middle of their starts."""
@@ -100,3 +101,8 @@ class FreeParameters:
     def _of(self, unit: str) -> float:
         found = [abs(v.start) for v in self.folder.model.parameters if v.unit == unit and v.start]
         return max(found, default=1.0)
+
+
+def stated(v: Variable) -> bool:
+    """Whether its tolerance says more than that it is about right."""
+    return v.tolerance is not None and 0.0 < v.tolerance < BROAD

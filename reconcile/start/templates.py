@@ -4,6 +4,10 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+ESTIMATED = "estimated from the recording by least squares"
+SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
+GUESS = "a guess: the recording does not tell it in this way; put in what you know"
+LOOSE = {ESTIMATED: 2.0, SCALED: 2.0, GUESS: 10.0}  # tolerances: the first two without the effects that lack
 TEMPLATES = ("rotary", "linear", "pendulum", "first-order", "chain", "free")
 
 
@@ -162,13 +166,15 @@ def text(draft: Draft, name: str, step: float, notes: Sequence[str], number: Cal
         rows = [f'        Variable("{n}", "{u}", "{d}"),' for n, u, d in getattr(draft, group)]
         lines += [f"    {group}=(", *rows, "    ),"] if rows else [f"    {group}=(),"]
     lines += [
-        "    # start: what you believe; min, max: what is possible at all. A parameter known within a",
-        "    # tolerance says so: tolerance=0.02 is a relative standard deviation of 2 % about start.",
+        "    # start: what you believe; min, max: what is possible at all; tolerance: how well you know it.",
+        "    # 0.02 is a relative standard deviation of 2 % about start; 10 says that it may well be eleven",
+        "    # times as large or small. State a small one for what you know.",
         "    parameters=(",
     ]
     for q in draft.parameters:
         limits = "".join(f", {k}={number(v)}" for k, v in (("min", q.low), ("max", q.high)) if v is not None)
-        known = f", tolerance={number(q.tolerance)}" if q.tolerance else ""
+        tolerance = q.tolerance or LOOSE.get(q.source)
+        known = f", tolerance={number(tolerance)}" if tolerance else ""
         lines += [f"        # {q.source}"]
         values = f"start={number(q.start)}{limits}{known}"
         lines += [f'        Variable("{q.name}", "{q.unit}", "{q.description}", {values}),']

@@ -7,13 +7,10 @@ import numpy as np
 
 from reconcile.start import estimate, templates
 from reconcile.start.columns import Column
-from reconcile.start.templates import Motion, Quantity
+from reconcile.start.templates import ESTIMATED, GUESS, SCALED, Motion, Quantity
 from records.formats.units import converted
 from specs.errors import InputError
 
-ESTIMATED = "estimated from the recording by least squares"
-SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
-GUESS = "a guess: the recording does not tell it in this way; put in what you know"
 SURE = 3.0  # deviations from zero that a coefficient must have to be used
 
 

@@ -16,6 +16,7 @@ from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
+from reconcile.search.free import FreeParameters, stated
 from reconcile.search.screen import Screen
 from reconcile.tolerances import SURE
 from tests.reconcile import models
@@ -87,6 +88,17 @@ def test_the_gradient_is_that_of_the_loss(friction: Beam):
             sides.append(core.fitter.loss(*other).sum())
         by_differences = (sides[0] - sides[1]) / 2e-4
         assert gradient[j] == pytest.approx(by_differences, rel=0.02, abs=0.05), f.name
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "ratio", "known"), [(None, 0.7, False), (10.0, np.log(11.0), False), (0.02, None, True)]
+)
+def test_how_far_off_a_start_may_be_is_its_tolerance(tolerance, ratio, known):
+    v = Variable("damping", "1/s", "", start=3.0, min=0.0, max=300.0, tolerance=tolerance)
+    free = FreeParameters._base(v)
+    assert free is not None
+    assert stated(v) is known
+    assert free.value(1.0) == pytest.approx(3.0 * np.exp(ratio) if ratio else 3.06)
 
 
 def test_a_fit_far_off_its_noise_arrives_in_a_few_steps(friction: Beam):

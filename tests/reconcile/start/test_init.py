@@ -216,6 +216,7 @@ def test_without_an_input(tmp_path: Path):
     assert folder.model.inputs == ()
     assert set(only.outputs) == {"position"}
     assert value(folder, "acceleration") == pytest.approx(-9.81, rel=0.05)
+    assert {v.name: v.tolerance for v in folder.model.parameters} == {"acceleration": 2.0, "damping": 10.0}
 
 
 TEMPLATES = [
