@@ -27,6 +27,7 @@ class Drive:
 
 
 def si(column: Column, unit: str) -> np.ndarray:
+    """A column in a unit of the model; as it is where it has none, or that of another quantity."""
     if not column.unit:
         return column.values
     try:
