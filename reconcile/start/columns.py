@@ -184,15 +184,16 @@ def _two(columns: list[Column]) -> list[Column]:
     held = [c for c in moving if c.held]
     if len(moving) != 2 or len(held) != 1 or any(c.role not in ("input", "other", "") for c in moving):
         return columns
-    other = next(c for c in moving if c is not held[0])
-    roles = {held[0].name: ("input", "it moves in steps"), other.name: ("other", f"{held[0].name} drives it")}
-    told = {c.name: c.role for c in moving}
-    return [
-        replace(c, role=roles[c.name][0], reason=f"guessed: {roles[c.name][1]}")
-        if c.name in roles and told[c.name] != roles[c.name][0]
-        else c
-        for c in columns
-    ]
+    (driver,) = held
+
+    def told(c: Column) -> Column:
+        if c is driver and c.role != "input":
+            return replace(c, role="input", reason="guessed: it moves in steps")
+        if any(c is m for m in moving) and c is not driver and c.role != "other":
+            return replace(c, role="other", reason=f"guessed: {driver.name} drives it")
+        return c
+
+    return [told(c) for c in columns]
 
 
 def slope_alike(position: Column, other: Column) -> tuple[float, float]:
