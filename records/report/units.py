@@ -28,7 +28,6 @@ def in_unit(record: Record, name: str, unit: str) -> np.ndarray:
     values, own = record.column(name).astype(float), record.units[name]
     if not unit or not own or unit == own:
         return values
-    into, of = units.known(unit), units.known(own)
-    if into is None or of is None or not units.compatible(unit, own):
+    if not (units.known(unit) and units.known(own) and units.compatible(unit, own)):
         raise InputError(f"column {name} is in {own} in one record and in {unit} in another; choose others")
-    return (of.factor * values + of.offset - into.offset) / into.factor
+    return np.asarray(units.from_si(units.to_si(values, own), unit))  # type: ignore[arg-type]
