@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from reconcile.equations.model import Attached
 from reconcile.filter.point import Point
 from reconcile.search import quiet
@@ -9,7 +11,7 @@ from reconcile.search.core import Core
 from reconcile.search.screen import Screen
 from reconcile.search.sets import BEHIND, FRESH, LONG, Key, Sets, effects
 from reconcile.search.swaps import Swaps
-from reconcile.tolerances import KEPT, SINGLES, WORTH
+from reconcile.tolerances import KEPT, MOST_STEPS, SINGLES, WORTH
 
 Report = Callable[..., None]
 FAR = 0.5  # of the evidence that the best set gains: what gains less is not built on
@@ -40,7 +42,7 @@ class Beam(Sets):
         self.report("best sets again")
         self._refresh()
         self._mend()
-        if self._absorbed(self.ranked()[0]) and not self.spent:
+        if self._absorbed(self.ranked()[0]) and not self.spent():
             self.report("sets of 1, with a quiet disturbance")
             self._grow(self._quietly(), 1)
             self._mend()
@@ -59,8 +61,8 @@ class Beam(Sets):
             best = self.evidence(self.ranked()[0])
             for at, key in enumerate(kept):
                 self.report(f"sets of {level}", at, len(kept))
-                for scored in [] if self.spent else self.scores(key)[:width]:
-                    if scored.gain < WORTH or self.spent:
+                for scored in self.scores(key)[:width]:
+                    if scored.gain < WORTH:
                         break
                     grown = self.attempt(key, scored)
                     found |= {grown} if grown is not None else set()
@@ -74,7 +76,7 @@ class Beam(Sets):
         """Neighbours of the best set, and of the one that is better."""
         for _ in range(2):
             self.report("neighbours")
-            if self.spent or not self._neighbours(self.ranked()[0]):
+            if not self._neighbours(self.ranked()[0]):
                 break
 
     def _absorbed(self, key: Key) -> bool:
@@ -105,7 +107,7 @@ class Beam(Sets):
     def _refresh(self) -> None:
         """Fit the best sets again from the model as it came."""
         for key in self.ranked()[:FRESH]:
-            if len(key) > 1 and not self.spent:
+            if len(key) > 1:
                 point = self.points[key]
                 self.fit(key, point.present, [], fresh=effects(point.values, point.present))
 
@@ -113,15 +115,16 @@ class Beam(Sets):
         """Fit the best sets to the end: one that has not settled looks worse."""
         self.report("settling")
         done: set[Key] = set()
-        self.extra = TO_SETTLE
-        while todo := [k for k in (self.ranked()[:1] if self.spent else self._foremost()) if k not in done]:
+        self.limit = max(self.limit, self.core.kalman.done) + TO_SETTLE * MOST_STEPS
+        while todo := [k for k in self._foremost() if k not in done]:
             key = todo[0]
             done.add(key)
             point = self.points[key]
             self.fit(key, point.present, [point.values], LONG, near=point)
-            if key == self.ranked()[0] and not self.spent:
+            if key == self.ranked()[0]:
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
+        self.limit = np.inf  # whatever judges the sets may fit what it needs
         return self.ranked()
 
     def _foremost(self) -> list[Key]:
@@ -144,7 +147,7 @@ class Beam(Sets):
     def _neighbours(self, key: Key) -> bool:
         """Sets with one effect less, or with another one in its place; whether one is better."""
         before = self.evidence(key)
-        for a in [] if self.spent else key:
+        for a in key:
             less = key - {a}
             present = tuple(x for x in self.points[key].present if x != a)
             # from where it is in the larger set too: what has not settled makes others look needed
@@ -152,7 +155,7 @@ class Beam(Sets):
             if less not in self.points:
                 continue
             for scored in self.scores(less)[: SINGLES[1]]:
-                if scored.gain >= WORTH and not self.spent:
+                if scored.gain >= WORTH:
                     self.attempt(less, scored)
             for scored in self.swaps.alike(less, a)[: SINGLES[2]]:
                 self.attempt(less, scored)

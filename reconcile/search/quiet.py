@@ -24,7 +24,7 @@ def grown(sets: Sets, plain: Point, singles: Sequence[Scored]) -> Iterator[Point
 
 def _larger(sets: Sets, point: Point, width: int) -> list[Point]:
     others = sets.beside(frozenset(point.present))
-    scores = [] if sets.spent else Screen(sets.core, point, sets.shapes).all(others, {})
+    scores = [] if sets.spent() else Screen(sets.core, point, sets.shapes).all(others, {})
     return _fitted(sets, point, scores[:width])
 
 
@@ -32,7 +32,7 @@ def _fitted(sets: Sets, point: Point, scores: Sequence[Scored]) -> list[Point]:
     """The point with one effect more each, slow motion alone; far from a fit a low score says little."""
     core, found = sets.core, []
     for scored in scores:
-        if not scored.separable or sets.spent:
+        if not scored.separable or sets.spent():
             break
         present = (*point.present, scored.attached)
         free = [*core.base_free, *(f for a in present for f in core.free_of(a))]

@@ -27,16 +27,13 @@ class Sets:
         self.core = core
         self.points: dict[Key, Point] = {frozenset(): core.base}
         self.scored: dict[Key, list[Scored]] = {}
-        self.begun = core.kalman.done
-        self.extra = 0.0  # of the steps of a search, that it may go beyond them
-        self.cut = False  # whether the search ended before all that it would have tried
+        self.limit = core.kalman.done + MOST_STEPS  # steps of the filter, beyond which nothing is tried
+        self.cut = False  # whether something was not
 
-    @property
     def spent(self) -> bool:
-        """Whether the filter has gone so many steps that nothing more is tried."""
-        over = self.core.kalman.done - self.begun > (1.0 + self.extra) * MOST_STEPS
-        self.cut |= over
-        return over
+        """Whether the limit is passed: what is asked for is not tried then, which is kept in mind."""
+        self.cut |= self.core.kalman.done > self.limit
+        return self.core.kalman.done > self.limit
 
     @cached_property
     def shapes(self) -> Shapes:
@@ -62,8 +59,10 @@ class Sets:
         ]
 
     def scores(self, key: Key) -> list[Scored]:
-        """Candidates beside a set, best first."""
+        """Candidates beside a set, best first; none where the limit is passed."""
         if key not in self.scored:
+            if self.spent():
+                return []
             others = self.beside(key)
             if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
@@ -98,6 +97,8 @@ class Sets:
         above which it is of no use.
         """
         core = self.core
+        if self.spent():
+            return
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         least = min((p.total for k, p in self.points.items() if k < key), default=np.inf)
         for start, beside in self._begins(present, free, starts, near, fresh):

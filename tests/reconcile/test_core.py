@@ -37,7 +37,7 @@ def friction() -> Beam:
 
 def test_a_search_ends_where_the_filter_has_gone_enough_steps_and_is_not_sure_then(friction, monkeypatch):
     assert not friction.cut
-    monkeypatch.setattr(sets, "MOST_STEPS", 0.2 * (friction.core.kalman.done - friction.begun))
+    monkeypatch.setattr(sets, "MOST_STEPS", 0.1 * friction.core.kalman.done)
     short = Beam(cored(recorded(Truth(**coulomb(1.0)), seconds=20.0, seed=4), *FEW))
     short.run()
     assert short.cut
