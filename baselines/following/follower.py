@@ -4,23 +4,19 @@
 specs/signals.toml, and answers with the commands.  A follower sees sensors only.
 """
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-
+from baselines.following.arrival import Arrival
 from baselines.following.tracker import TRACKER
+from baselines.nmpc_path.follower import Predictive, pace
 from baselines.planning.flat import led
-from baselines.planning.path import TICK_S, Path
+from baselines.planning.path import Path
+from baselines.planning.planner import Planner
 from fmus.toolchain.discrete import DiscreteStepper
-from specs import pose, shapes
 from specs.errors import InputError, nearest
-
-STILL_S = 1.0  # that the grab is to be near its target before a path has ended
-MOST_EXTRA_S = 12.0  # after the path's time: it is taken as ended even so
-SENSED: tuple[str, ...] = ("q_slew", "q_boom", "q_stick", "imu_tool_pitch", "imu_tool_roll")
+from specs.scene import Scene
 
 
 class Follower(Protocol):
@@ -50,16 +46,16 @@ class Tracking:
         self._leads = leads
         self._stepper = DiscreteStepper(TRACKER, gains)
         self._known = [v.name for v in TRACKER.inputs]
-        self._sizes = shapes.sizes()
+        self._arrival = Arrival()
         self._path: Path | None = None
         self._tick = 0
-        self._near = 0
 
     def begin(self, path: Path) -> None:
         """Follow this path."""
         if self._leads:
             path = led(path, 1.0 / self._stepper.state("inverse_length"))
-        self._path, self._tick, self._near = path, 0, 0
+        self._path, self._tick = path, 0
+        self._arrival.begin(path)
 
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
         """One step on the path, or standing at its end."""
@@ -74,44 +70,44 @@ class Tracking:
             self._stepper.u[k] = sensors.get(name, 0.0)
         self._stepper.u[-len(reference) :] = reference
         self._stepper.advance()
-        self._watch(sensors, path)
+        self._arrival.watch(sensors)
         return self._stepper.outputs()
-
-    def _watch(self, sensors: Mapping[str, float], path: Path) -> None:
-        """Count how long the grab has been near the target."""
-        if self._tick * TICK_S < path.seconds:
-            return
-        grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), self._sizes)[0]
-        near = math.dist(grab, path.target) <= path.tolerance_m
-        self._near = self._near + 1 if near else 0
 
     @property
     def ended(self) -> bool:
-        """Near the target long enough, or waited for too long."""
-        path = self._path
-        if path is None:
-            return True
-        late = self._tick * TICK_S >= path.seconds + MOST_EXTRA_S
-        return late or self._near * TICK_S >= STILL_S
+        """As `Arrival` has it."""
+        return self._arrival.ended
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A follower as the command line knows it; `flat`: on its paths the grab leads, not the arm tip."""
+    """A follower as the command line knows it, and its paths.
+
+    `flat`: on them the grab leads, not the arm tip; `pace`: planning parameters that differ from their file.
+    """
 
     name: str
     label: str
-    make: Callable[[], Follower]
+    make: Callable[[Scene], Follower]
     flat: bool = False
+    pace: Mapping[str, float] = field(default_factory=dict)
+
+    def planner(self, scene: Scene) -> Planner:
+        """Who plans its paths."""
+        return Planner(scene, self.flat, self.pace)
 
 
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind("floor", "planned path, feed-forward and PI", Tracking),
+        Kind("floor", "planned path, feed-forward and PI", lambda _: Tracking()),
         Kind(
             "shaped", "planned path of the grab by flatness, feed-forward and PI",
-            lambda: Tracking(leads=True), flat=True,
+            lambda _: Tracking(leads=True), flat=True,
+        ),
+        Kind(
+            "nmpc", "planned path, model predictive control with the distances to things", Predictive,
+            pace=pace(),
         ),
     )
 }  # fmt: skip

@@ -7,6 +7,7 @@ r_a     arm tip's joints off their targets, Huber too
 r_end   the same at the end of the horizon, with speed and swing still left there
 """
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,26 +25,37 @@ SIZE_WEIGHTS = (1e-4, 0.1, 0.1)
 NX = len(prediction.STATES)
 
 
-def residual() -> dict[bool, ca.Function]:
-    """(x, task) -> r, dr/dx by whether the stage is the last; Gauss-Newton with the weights held."""
-    found = {}
+@dataclass(frozen=True)
+class Cost:
+    """What a plan is good for, as the solver takes it; each by whether the stage is the last.
+
+    `residual`  (x, told) -> r, dr/dx: Gauss-Newton with the weights held
+    `value`     (x, told) -> the stage's share of V
+    `told`      numbers that each stage is told, the load first; `staged`: a column of them for each stage
+    """
+
+    residual: dict[bool, ca.Function]
+    value: dict[bool, ca.Function]
+    told: int
+    staged: bool = False
+
+    def at(self, told: Any, k: int) -> Any:
+        """What stage `k` is told."""
+        return told[:, k] if self.staged else told
+
+
+def of_target() -> Cost:
+    """Of a target of slew, boom and stick."""
+    residuals, values = {}, {}
     for last in (False, True):
         x, task = _symbols()
         r, weights = _weighted(x, task, last)
         slope = ca.diag(weights) @ ca.jacobian(r, x)
         name = "nmpc_end" if last else "nmpc_residual"
-        found[last] = ca.Function(name, [x, task], [ca.densify(weights * r), ca.densify(slope)])
-    return found
-
-
-def value() -> dict[bool, ca.Function]:
-    """(x, task) -> its share of V."""
-    found = {}
-    for last in (False, True):
-        x, task = _symbols()
+        residuals[last] = ca.Function(name, [x, task], [ca.densify(weights * r), ca.densify(slope)])
         terms = [_loss(error, width, weight) for error, width, weight in _terms(x, task, last)]
-        found[last] = ca.Function(f"nmpc_{'end_' if last else ''}value", [x, task], [sum(terms, ca.SX(0))])
-    return found
+        values[last] = ca.Function(f"nmpc_{'end_' if last else ''}value", [x, task], [sum(terms, ca.SX(0))])
+    return Cost(residuals, values, len(TASK))
 
 
 def _weighted(x: ca.SX, task: ca.SX, last: bool) -> tuple[ca.SX, ca.SX]:

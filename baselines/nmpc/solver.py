@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from baselines.nmpc import cost, prediction
+from baselines.nmpc.cost import Cost
 
 STAGES = 20
 STAGE_S = 0.2
@@ -58,14 +59,15 @@ def stage() -> Stage:
     return Stage(roll, ca.Function("nmpc_stage_sensed", [x, u, load], results))
 
 
-def solver() -> ca.Function:
+def solver(aim: Cost | None = None) -> ca.Function:
     """(x_0, plan, given, task) -> (plan, gain of the last iteration relative to V, V).
 
-    x_0 [13] where the plan begins; plan [SIZE] to begin with; given [3] inputs before the plan; task [TASK].
+    x_0 [13] where the plan begins; plan [SIZE] to begin with; given [3] inputs before the plan; task: what
+    `aim` is told, that of a target without one.
     """
-    own, x0 = stage(), ca.MX.sym("x0", NX)  # type: ignore[call-arg]
-    plan, given, task = ca.MX.sym("plan", SIZE), ca.MX.sym("given", NU), ca.MX.sym("task", len(cost.TASK))  # type: ignore[call-arg]
-    iteration, value = _iteration(own), plan_cost(own)
+    own, aim = stage(), aim or cost.of_target()
+    x0, plan, given, task = _arguments(aim)
+    iteration, value = _iteration(own, aim), plan_cost(own, aim)
     z, before = plan, value(x0, plan, given, task)
     gain: Any = ca.MX(1)
     for _ in range(ITERATIONS):
@@ -99,10 +101,10 @@ def shifted(plan: Any) -> Any:
     )
 
 
-def _iteration(own: Stage) -> ca.Function:
+def _iteration(own: Stage, aim: Cost) -> ca.Function:
     """(x_0, plan, given, task) -> (plan, V): one Gauss-Newton step, never uphill."""
-    x0, plan, given, task = _arguments()
-    residual, value = cost.residual(), plan_cost(own)
+    x0, plan, given, task = _arguments(aim)
+    value = plan_cost(own, aim)
     steps, wanted = _steps(task)
     miss = steps @ plan - wanted(given)
     hessian, gradient = steps.T @ steps, steps.T @ miss
@@ -110,7 +112,7 @@ def _iteration(own: Stage) -> ca.Function:
     for k in range(STAGES):
         x, a, b = own.sensed(x, inputs(plan, k), task[0])
         slope = a @ slope + b @ _chosen(k)
-        r, by_x = residual[k == STAGES - 1](x, task)
+        r, by_x = aim.residual[k == STAGES - 1](x, aim.at(task, k))
         by_plan = by_x @ slope
         hessian += by_plan.T @ by_plan
         gradient += by_plan.T @ r
@@ -124,15 +126,14 @@ def _iteration(own: Stage) -> ca.Function:
     return ca.Function("nmpc_iteration", [x0, plan, given, task], [best, least])
 
 
-def plan_cost(own: Stage) -> ca.Function:
+def plan_cost(own: Stage, aim: Cost) -> ca.Function:
     """(x_0, plan, given, task) -> V by roll-out."""
-    x0, plan, given, task = _arguments()
-    residual = cost.value()
+    x0, plan, given, task = _arguments(aim)
     steps, wanted = _steps(task)
     total, x = ca.sumsqr(steps @ plan - wanted(given)), x0
     for k in range(STAGES):
         x = own.roll(x, inputs(plan, k), task[0])
-        total += residual[k == STAGES - 1](x, task)
+        total += aim.value[k == STAGES - 1](x, aim.at(task, k))
     return ca.Function("nmpc_value", [x0, plan, given, task], [total])
 
 
@@ -199,6 +200,11 @@ def _steps(task: Any) -> tuple[Any, Callable[[Any], Any]]:
     return matrix, lambda given: ca.DM(picked * scale) @ given
 
 
-def _arguments() -> tuple[Any, Any, Any, Any]:
-    names = (("x0", NX), ("plan", SIZE), ("given", NU), ("task", len(cost.TASK)))
-    return tuple(ca.MX.sym(name, size) for name, size in names)  # type: ignore[return-value]
+def _arguments(aim: Cost) -> tuple[Any, Any, Any, Any]:
+    sizes = (
+        ("x0", NX, 1),
+        ("plan", SIZE, 1),
+        ("given", NU, 1),
+        ("task", aim.told, STAGES if aim.staged else 1),
+    )
+    return tuple(ca.MX.sym(name, rows, columns) for name, rows, columns in sizes)  # type: ignore[return-value]

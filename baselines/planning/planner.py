@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -43,22 +43,30 @@ class Leg:
 
 @dataclass(frozen=True)
 class Planner:
-    """Plans in one scene; with `flat` paths are smooth enough for the grab to be led along them (flat.py)."""
+    """Plans in one scene; with `flat` paths are smooth enough for the grab to be led along them (flat.py).
+
+    `gains` differ from the parameters' file.
+    """
 
     scene: Scene
     flat: bool = False
-    gains: dict[str, float] = field(default_factory=lambda: _gains())
+    gains: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def _p(self) -> dict[str, float]:
+        known = {name: p.value for name, p in parameters.load("planning", "control").items()}
+        return known | dict(self.gains)
 
     @cached_property
     def body(self) -> Body:
         """The machine in the scene, with margins."""
-        return Body(self.scene, Margins(self.gains["path_clearance"], self.gains["path_sway"]))
+        return Body(self.scene, Margins(self._p["path_clearance"], self._p["path_sway"]))
 
     @cached_property
     def speeds(self) -> np.ndarray:
         """Top speeds of slew, boom and stick, which make states of angles."""
-        arm = self.gains["path_arm_speed"]
-        return np.array([self.gains["path_slew_speed"], arm, arm])
+        arm = self._p["path_arm_speed"]
+        return np.array([self._p["path_slew_speed"], arm, arm])
 
     def check(self) -> None:
         """Raise InputError where the scene holds the machine, or start or target are taken."""
@@ -114,7 +122,7 @@ class Planner:
 
     def _rounded(self, kept: Sequence[np.ndarray]) -> np.ndarray | None:
         """The quickest of the timed paths that stays free with accelerations rounded, by less if need be."""
-        for seconds in (self.gains["path_round_time"] * share for share in ROUND_SHARES):
+        for seconds in (self._p["path_round_time"] * share for share in ROUND_SHARES):
             for angles in kept:
                 for _ in range(FLAT_MEANS if self.flat else 1):
                     angles = averaged(angles, seconds)
@@ -133,12 +141,12 @@ class Planner:
 
     def _limits(self, curve: BSpline) -> Limits:
         """Of a path: its slew acceleration is that of the place where inertia and radius are largest."""
-        g, p = self.gains, kinematics.geometry()
+        g, p = self._p, kinematics.geometry()
         poses = curve(np.linspace(0.0, curve.t[-1], 50)) * self.speeds
         inertia = kinematics.inertia_z(poses[:, 1], poses[:, 2], 1000.0, p) + g["control_inertia_extra"]
         radius, _ = kinematics.arm_tip(poses[:, 1], poses[:, 2], p)
         brake = g["path_slew_share"] * g["control_brake_torque"] / float(np.max(inertia))
-        swing = p.gravity * g["path_sway"] / float(np.max(radius))
+        swing = p.gravity * g["path_swing"] / float(np.max(radius))
         arm = g["path_arm_acceleration"]
         flow = g["path_flow_share"] * parameters.parameter("pump_flow", "machine").value
         return Limits(self.speeds, np.array([min(brake, swing), arm, arm]), flow)
@@ -203,10 +211,6 @@ class Planner:
             if away <= 0.0:
                 return f"straight on, the {part} would come too near to {solid}"
         return "the straight motion is free"  # pragma: no cover
-
-
-def _gains() -> dict[str, float]:
-    return {name: p.value for name, p in parameters.load("planning", "control").items()}
 
 
 def pose_of(target: Target) -> np.ndarray:

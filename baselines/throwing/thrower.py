@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from baselines.following.follower import SENSED, Follower, Tracking
+from baselines.following.arrival import SENSED
+from baselines.following.follower import Follower, Tracking
 from baselines.throwing.ballistics import Flight, ahead, flight
 from baselines.throwing.plan import Throw
 from specs import parameters, shapes

@@ -74,7 +74,7 @@ def test_solver_ends_where_a_general_one_does() -> None:
     for _ in range(4):
         plan, gain, own = solve(start, plan, STILL, task)
     z = ca.MX.sym("z", solver.SIZE)  # type: ignore[call-arg]
-    value = solver.plan_cost(solver.stage())(start, z, STILL, task)
+    value = solver.plan_cost(solver.stage(), cost.of_target())(start, z, STILL, task)
     low, high = solver.bounds()
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.hessian_approximation": "limited-memory"}
     options["ipopt.max_iter"] = 30

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from baselines.following.follower import SENSED
+from baselines.following.arrival import SENSED
 from baselines.planning.planner import pose_of
 from baselines.throwing.ballistics import ahead, flight
 from baselines.throwing.plan import plan, reach, span

@@ -12,7 +12,7 @@ import numpy as np
 
 from baselines import registry
 from baselines.following import follower
-from baselines.following.follower import MOST_EXTRA_S, SENSED, STILL_S
+from baselines.following.arrival import MOST_EXTRA_S, SENSED, STILL_S
 from baselines.planning.planner import Leg, Planner, hanging, pose_of
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
@@ -106,7 +106,7 @@ class Ran:
 
 def names() -> list[str]:
     """The controllers there are: followers of plans, then those that drive straight to a target."""
-    return [*follower.KINDS, *registry.names()]
+    return list(dict.fromkeys([*follower.KINDS, *registry.names()]))
 
 
 def check(controller: str) -> None:
@@ -123,20 +123,24 @@ def run(case: Case) -> Ran:
     follows, led = case.driver in follower.KINDS, case.driver.endswith(LED)
     if not follows and not led:
         return _aimed(case, ())
-    legs = planned(case.scene, follows and follower.find(case.driver).flat, case.seed)
+    legs = planned(case.scene, case.driver if follows else "", case.seed)
     if any(leg.path is None for leg in legs):
         return Ran(case, None, legs, ())
     return _follow(case, legs) if follows else _aimed(case, legs)
 
 
 @cache
-def planned(scene: Scene, flat: bool, seed: int) -> tuple[Leg, ...]:
-    """The legs of a scene: they depend on nothing of a drawn machine."""
-    return tuple(Planner(scene, flat).legs(seed))
+def planned(scene: Scene, follows: str, seed: int) -> tuple[Leg, ...]:
+    """The legs of a scene for the follower of this name ("": for who is led along them).
+
+    They depend on nothing of a drawn machine.
+    """
+    planner = follower.find(follows).planner(scene) if follows else Planner(scene)
+    return tuple(planner.legs(seed))
 
 
 def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
-    driver, begins = follower.find(case.driver).make(), list[int]()
+    driver, begins = follower.find(case.driver).make(case.scene), list[int]()
     last, paths = [10**9], [leg.path for leg in legs if leg.path]
 
     def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:

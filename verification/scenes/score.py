@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from baselines.following.follower import SENSED
+from baselines.following.arrival import SENSED
 from baselines.planning.planner import hanging, pose_of
 from records.metrics import BAND_DEG
 from records.record import Record
