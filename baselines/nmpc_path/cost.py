@@ -40,10 +40,10 @@ def _residual(x: ca.SX, told: ca.SX) -> ca.SX:
     now = SimpleNamespace(**{name: x[i] for i, name in enumerate(prediction.STATES)})
     t = SimpleNamespace(**{name: told[i] for i, name in enumerate(TOLD)})
     place, tool, swing, near = (ca.sqrt(w) for w in (t.place, t.tool, t.swing, t.near))
-    radius, height = kinematics.arm_tip(now.boom, now.stick, kinematics.geometry())
-    length = kinematics.geometry().tool_length
-    along = t.radius * (now.slew - t.slew) + length * ca.sin(now.roll)
-    out = radius - length * ca.sin(now.pitch) - t.radius
+    p = prediction.figures()
+    radius, height = kinematics.arm_tip(now.boom, now.stick, p)
+    along = t.radius * (now.slew - t.slew) + (p.tool_length - p.grab_offset) * ca.sin(now.roll)
+    out = radius - p.tool_length * ca.sin(now.pitch) - t.radius
     pose = ca.vertcat(*(getattr(now, name) for name in POSE))
     planes = ca.reshape(told[len(TOLD) :], 1 + len(POSE), PLANES)
     missing = planes[0, :].T - planes[1:, :].T @ pose

@@ -8,11 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from baselines.planning.body import BALL_M, Body
+from baselines.planning.body import Body
 from specs import pose, shapes
 from specs.scene import Scene
 
 STEP_RAD = 1e-3
+BALL_M = (
+    0.4  # between the balls along a capsule: beside its middle line a distance is at most 0.03 m too large
+)
 TOOL = ("lines", "grab")
 FAR_M = 1e3
 
@@ -27,11 +30,10 @@ class Field:
     @cached_property
     def _capsules(self) -> list[tuple[shapes.Capsule, np.ndarray, float]]:
         """Each capsule, the places of balls along it (0 to 1), and their radius."""
-        found = []
+        frames, found = pose.frames(np.zeros((1, len(pose.ANGLES))), self._sizes), []
         for capsule in shapes.capsules(self._sizes):
-            part = capsule.name
-            length = self._sizes.get(f"{part}_length", self._sizes["tool_length"] / 2)
-            count = 2 + int(length / BALL_M)
+            start, end = pose.ends(frames, capsule)
+            count = 2 + int(np.linalg.norm(end - start) / BALL_M)
             found.append((capsule, np.linspace(0.0, 1.0, count), capsule.radius))
         return found
 

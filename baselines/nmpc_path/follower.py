@@ -17,10 +17,11 @@ from baselines.planning.path import TICK_S, Path
 from fmus.equations import kinematics
 from fmus.toolchain.discrete import DiscreteStepper
 from specs import parameters
+from specs.errors import InputError
 from specs.scene import Scene
 
 STAGE_TICKS = round(solver.STAGE_S / TICK_S)
-POSE = [prediction.STATES.index(name) for name in cost.POSE]
+ROWS = [prediction.STATES.index(name) for name in cost.POSE]
 
 
 def pace() -> dict[str, float]:
@@ -30,36 +31,37 @@ def pace() -> dict[str, float]:
 
 
 class Predictive:
-    """Follows paths by model predictive control in a scene."""
+    """Follows paths by model predictive control in a scene; `gains` differ from the parameters' file."""
 
     def __init__(self, scene: Scene, gains: Mapping[str, float] | None = None):
-        known = {n.removeprefix("nmpc_path_"): p.value for n, p in parameters.load("nmpc_path").items()}
-        self._p = SimpleNamespace(**{**known, **(gains or {})})
+        known = {name: p.value for name, p in parameters.load("nmpc_path").items()} | dict(gains or {})
+        self._p = SimpleNamespace(**{name.removeprefix("nmpc_path_"): value for name, value in known.items()})
         self._field = Field(scene)
         self._stepper = DiscreteStepper(ESTIMATOR)
         self._known = [v.name for v in ESTIMATOR.inputs]
         self._sent = np.zeros((len(CHANNELS), WAY))
         self._plan = np.zeros(solver.SIZE)
-        self._path: Path | None = None
+        self._ahead, self._load = prediction.rest(0.0, 0.0), 0.0
+        self._way = np.empty((0, 4))  # slew angle, radius and height of the arm tip, slew speed at each tick
         self._tick = 0
         self._arrival = Arrival()
 
     def begin(self, path: Path) -> None:
         """Follow this path."""
-        self._path, self._tick = path, 0
+        self._tick = 0
         self._arrival.begin(path)
         radius, height = kinematics.arm_tip(path.angles[:, 1], path.angles[:, 2], kinematics.geometry())
         self._way = np.stack([path.angles[:, 0], radius, height, path.rates[:, 0]], axis=1)
 
     def step(self, sensors: Mapping[str, float]) -> dict[str, float]:
         """Commands after one tick more."""
+        if not len(self._way):
+            raise InputError("a follower needs a path before its first step")
         sensed = {**sensors, **dict(zip((v.name for v in ACTING), self._sent[:, 0], strict=True))}
         for k, name in enumerate(self._known):
             self._stepper.u[k] = sensed.get(name, 0.0)
         self._stepper.advance()
-        wanted = self._sent[:, -1]
-        if self._tick % PERIOD == 0:
-            wanted = self._planned()
+        wanted = self._planned() if self._tick % PERIOD == 0 else self._sent[:, -1]
         self._tick += 1
         self._arrival.watch(sensors)
         self._sent = np.column_stack([self._sent[:, 1:], wanted])
@@ -71,32 +73,35 @@ class Predictive:
         """As `Arrival` has it."""
         return self._arrival.ended
 
+    def foreseen(self) -> np.ndarray:
+        """The states (stages, 13) that the present plan leads to."""
+        return np.array(_tools().rolled(self._ahead, self._plan, self._load)).T
+
     def _planned(self) -> np.ndarray:
-        """The first inputs of a better plan."""
+        """The first inputs of a better plan; at rest where none can be made."""
         tools = _tools()
         now = np.array([self._stepper.state(v.name) for v in BELIEVED])
-        load = self._stepper.state("load")
-        ahead = tools.ahead(now, self._sent.ravel(), load)
-        begun = np.array(tools.shifted(self._plan)).ravel()
-        states = np.array(tools.rolled(ahead, begun, load)).T
-        told = self._told(states, load)
-        plan, _, _ = tools.solve(ahead, begun, self._sent[:, -1], told)
-        self._plan = np.array(plan).ravel()
+        self._load = self._stepper.state("load")
+        self._ahead = np.array(tools.ahead(now, self._sent.ravel(), self._load)).ravel()
+        self._plan = np.array(tools.shifted(self._plan)).ravel()
+        plan, _, _ = tools.solve(self._ahead, self._plan, self._sent[:, -1], self._told(self.foreseen()))
+        found = np.array(plan).ravel()
+        self._plan = found if np.all(np.isfinite(found)) else np.zeros(solver.SIZE)
         return np.array(solver.inputs(self._plan, 0)).ravel()
 
-    def _told(self, states: np.ndarray, load: float) -> np.ndarray:
+    def _told(self, states: np.ndarray) -> np.ndarray:
         """What each stage is told (`cost.SIZE`, stages)."""
         p, stages = self._p, solver.STAGES
         ticks = self._tick + WAY + STAGE_TICKS * np.arange(1, stages + 1)
         way = self._way[np.minimum(ticks, len(self._way) - 1)]
         last = np.arange(stages) == stages - 1
-        poses = states[:, POSE]
+        poses = states[:, ROWS]
         distances, slopes = self._field.planes(poses)
         constant = p.keep - distances + np.einsum("nkj,nj->nk", slopes, poses)
         planes = np.concatenate([constant[:, :, None], slopes], axis=2)
         return np.vstack(
             [
-                np.full(stages, load),
+                np.full(stages, self._load),
                 way[:, 0], way[:, 1], way[:, 2], way[:, 3],
                 np.where(last, p.end_place, p.place),
                 np.where(last, p.end_speed, 0.0),

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from baselines.nmpc import prediction
 from baselines.nmpc_path.cost import POSE, SWING_RATE
 from baselines.nmpc_path.field import Field
 from baselines.optima.collocation import POINTS, TAU, Phase, Problem, Unknowns
@@ -23,7 +24,7 @@ from fmus.equations import kinematics
 from specs.distance import solids
 from specs.scene import Scene
 
-INTERVALS = (45, 5)
+INTERVALS = (32, 4)
 STAYS_S = 0.5  # in the tolerance, as scores ask
 KEEP_M = 0.1  # off things: no run that was scored came nearer without touching
 ROUNDS = 4
@@ -74,9 +75,9 @@ class Leg:
             self._keep_off(problem, part, near[:, POINTS - 1 :: POINTS])
         target = ca.DM(self.path.target)
         for k in range(INTERVALS[1]):
-            away = _grab(staying.ends[:, k]) - target
+            away = grab(staying.ends[:, k]) - target
             problem.demand(ca.sumsqr(away), 0.0, self.path.tolerance_m**2)
-        away = _grab(going.ends[:, -1]) - target
+        away = grab(going.ends[:, -1]) - target
         problem.demand(ca.sumsqr(away), 0.0, self.path.tolerance_m**2)
         end = staying.ends[:, -1]
         for name in ("slew_rate", "boom_rate", "stick_rate"):
@@ -106,7 +107,7 @@ class Leg:
     def _slow(self, near: np.ndarray) -> list[tuple[int, float]]:
         """(interval, m/s) where the way is in a slow zone."""
         found = []
-        grabs = np.array([np.array(_grab(ca.DM(x))).ravel() for x in near.T])
+        grabs = np.array([np.array(grab(ca.DM(x))).ravel() for x in near.T])
         for zone in self.scene.zones:
             if zone.kind == "slow":
                 inside = solids([zone.shape]).distance(grabs).min(axis=1) < 0.0
@@ -135,14 +136,16 @@ class Leg:
         return states, inputs, lengths
 
 
-def _grab(x: Any) -> Any:
+def grab(x: Any) -> Any:
     """Grab point [3] at a state."""
     v = {name: x[STATES.index(name)] for name in POSE}
-    g = kinematics.geometry()
-    radius, height = kinematics.arm_tip(v["boom"], v["stick"], g)
-    out, along = radius - g.tool_length * ca.sin(v["pitch"]), g.tool_length * ca.sin(v["roll"])
+    p = prediction.figures()
+    radius, height = kinematics.arm_tip(v["boom"], v["stick"], p)
+    low = p.tool_length - p.grab_offset  # below the roll axis
+    along = low * ca.sin(v["roll"])
+    hung = p.grab_offset + low * ca.cos(v["roll"])
+    out, down = radius - hung * ca.sin(v["pitch"]), hung * ca.cos(v["pitch"])
     c, s = ca.cos(v["slew"]), ca.sin(v["slew"])
-    down = g.tool_length * ca.cos(v["pitch"]) * ca.cos(v["roll"])
     return ca.vertcat(out * c - along * s, out * s + along * c, height - down)
 
 

@@ -17,7 +17,7 @@ from records.figures_file import make_folder
 from specs.progress import Report
 from specs.scene import Scene
 from specs.schema import ROOT
-from verification.scenes import kept, run as runs
+from verification.scenes import best, kept, run as runs
 from verification.scenes.run import GUARDED, Case, Guarding
 from verification.scenes.score import PICTURE, SAMPLES, guarded, score, summary
 
@@ -44,12 +44,59 @@ class Job:
         for name, drawn in self.machines.items():
             yield Case(self.scene, self.controller, name, drawn, self.seed, self.guarding)
 
+    @property
+    def label(self) -> str:
+        """What progress calls it."""
+        return f"{self.controller} in {self.scene.name}"
+
+    @property
+    def asked(self) -> str:
+        """What its rows are an answer to."""
+        return f"{self.scene!r}|{self.controller}|{sorted(self.machines)}|{self.seed}"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row of each machine; the first one can be drawn."""
+        rows = []
+        for case in self.cases():
+            ran = runs.run(case)
+            if self.records is not None:
+                kept.keep(self.records, ran)
+            row = score(ran)
+            rows.append({k: v for k, v in row.items() if not rows or k != PICTURE})
+        return rows
+
     def complete(self, rows: Sequence[Mapping[str, Any]] | None) -> bool:
         """Whether there are rows, and all that is to be kept of the runs that were driven."""
         if rows is None or self.records is None:
             return rows is not None
         pairs = zip(self.cases(), rows, strict=True)
         return all(kept.there(self.records, case) for case, row in pairs if row["driven"])
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best cycle time of one scene."""
+
+    scene: Scene
+    seed: int
+
+    @property
+    def label(self) -> str:
+        """What progress calls it."""
+        return f"optimum of {self.scene.name}"
+
+    @property
+    def asked(self) -> str:
+        """What its row is an answer to."""
+        return f"{self.scene!r}|optimum|{self.seed}"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row."""
+        return [best.best(self.scene, self.seed)]
+
+    def complete(self, rows: Sequence[Mapping[str, Any]] | None) -> bool:
+        """Whether it is known."""
+        return rows is not None
 
 
 def check_controllers(controllers: Sequence[str]) -> None:
@@ -70,9 +117,12 @@ def check_scenes(scenes: Sequence[Scene], guarding: Guarding | None = None) -> N
 
 def study(
     scenes: Sequence[Scene], controllers: Sequence[str], machines: Machines, seed: int, jobs: int, out: Path,
-    report: Report, guarding: Guarding | None = None, records: Path | None = None,
+    report: Report, guarding: Guarding | None = None, records: Path | None = None, optimum: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """The figures: of each controller, with a guard of each with and without it, and every row."""
+    """The figures: of each controller, with a guard of each with and without it, and every row.
+
+    With `optimum` cycle times are held against the best that optimal control finds.
+    """
     make_folder(out)
     kinds = ("", GUARDED) if guarding else ("",)
     controllers = [f"{c}{kind}" for c in controllers for kind in kinds]
@@ -81,8 +131,9 @@ def study(
         for c in controllers
         for scene in scenes
     ]
+    bests = [Optimum(scene, seed) for scene in scenes] if optimum else []
     known = _known(out / ROWS)
-    missing = [job for job in asked if not job.complete(known.get(_key(job)))]
+    missing = [job for job in (*asked, *bests) if not job.complete(known.get(_key(job)))]
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=warm_up) as pool:
         try:
             with interrupts_held():  # the processes start here, and inherit it
@@ -92,13 +143,15 @@ def study(
                 known[_key(job)] = done.result()
                 with (out / ROWS).open("a", encoding="utf-8") as file:
                     file.write(json.dumps({"key": _key(job), "rows": known[_key(job)]}) + "\n")
-                report(f"{job.controller} in {job.scene.name}", number, len(missing))
+                report(job.label, number, len(missing))
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
     rows = {c: [row for job in asked if job.controller == c for row in known[_key(job)]] for c in controllers}
+    least = {job.scene.name: known[_key(job)][0]["seconds"] for job in bests}
     return {
-        "controllers": _figures(rows),
+        "controllers": _figures(rows, least),
+        **({"optima": least} if optimum else {}),
         "labels": {c: label(c) for c in controllers},
         PICTURE: [row for of in rows.values() for row in of if PICTURE in row],
         "rows": [
@@ -120,9 +173,11 @@ def label(controller: str) -> str:
     return "its target moved along the planned path" if led else "straight to the target, blind to the scene"
 
 
-def _figures(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
+def _figures(
+    rows: Mapping[str, Sequence[Mapping[str, Any]]], least: Mapping[str, float | None]
+) -> dict[str, dict[str, Any]]:
     """Of each controller and its families; of those that were also guarded, what the guard did to them."""
-    figures = {c: {**summary(of), "families": _families(of)} for c, of in rows.items()}
+    figures = {c: {**_summary(of, least), "families": _families(of, least)} for c, of in rows.items()}
     for c in [c for c in figures if f"{c}{GUARDED}" in figures]:
         behind = figures[f"{c}{GUARDED}"]
         figures[c] |= guarded(figures[c], behind)
@@ -131,27 +186,19 @@ def _figures(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict[
     return figures
 
 
-def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _summary(rows: Sequence[Mapping[str, Any]], least: Mapping[str, float | None]) -> dict[str, Any]:
+    return {**summary(rows), **(best.ratios(rows, least) if least else {})}
+
+
+def _families(rows: Sequence[Mapping[str, Any]], least: Mapping[str, float | None]) -> dict[str, Any]:
     names = sorted({row["family"] for row in rows})
-    return {name: summary([row for row in rows if row["family"] == name]) for name in names}
+    return {name: _summary([row for row in rows if row["family"] == name], least) for name in names}
 
 
-def _run(job: Job) -> list[dict[str, Any]]:
-    """`_rows` in a process of the pool: only here may Ctrl-C interrupt it."""
+def _run(job: Job | Optimum) -> list[dict[str, Any]]:
+    """Its rows, in a process of the pool: only here may Ctrl-C interrupt it."""
     with interrupts_held("SIG_UNBLOCK"):
-        return _rows(job)
-
-
-def _rows(job: Job) -> list[dict[str, Any]]:
-    """A row of each machine; the first one can be drawn."""
-    rows = []
-    for case in job.cases():
-        ran = runs.run(case)
-        if job.records is not None:
-            kept.keep(job.records, ran)
-        row = score(ran)
-        rows.append({k: v for k, v in row.items() if not rows or k != PICTURE})
-    return rows
+        return job.rows()
 
 
 def _known(path: Path) -> dict[str, list[dict[str, Any]]]:
@@ -166,10 +213,9 @@ def _known(path: Path) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def _key(job: Job) -> str:
+def _key(job: Job | Optimum) -> str:
     """The same for the same question and the same sources."""
-    text = f"{_sources()}|{job.scene!r}|{job.controller}|{sorted(job.machines)}|{job.seed}"
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return hashlib.sha256(f"{_sources()}|{job.asked}".encode()).hexdigest()[:16]
 
 
 _digest: dict[str, str] = {}

@@ -18,7 +18,7 @@ from specs.scene import Scene
 
 COLUMNS = (
     "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
-    "speed °/s", "tool °/s", "missed", "plan p95 s",
+    "over optimum", "speed °/s", "tool °/s", "missed", "plan p95 s",
 )  # fmt: skip
 GUARD_COLUMNS = (
     "behind", "runs", "contacts without", "contacts with", "runs stepped in", "times", "share of time",
@@ -38,7 +38,7 @@ def scenes(
         list[str] | None,
         typer.Option(
             "--controller", metavar="NAME",
-            help="floor, shaped; a controller or a policy's file, blind or led: pd@path (repeatable).",
+            help="floor, shaped, nmpc; a controller or a policy's file, blind or led: pd@path (repeatable).",
         ),
     ] = None,
     machines: Annotated[
@@ -67,6 +67,13 @@ def scenes(
     ] = None,
     guard: Annotated[
         bool, typer.Option("--guard", help="Each controller also with the control core's guard behind it.")
+    ] = False,
+    optimum: Annotated[
+        bool,
+        typer.Option(
+            "--optimum",
+            help="Cycle times also over the best that optimal control finds (a minute for each target).",
+        ),
     ] = False,
     page: Annotated[
         Path | None,
@@ -104,7 +111,7 @@ def scenes(
     if machines:
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
-        found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding, records)
+        found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding, records, optimum)
     rows = [_row(c, f) for c, f in found["controllers"].items()]
     show("Scenes, simulated reference machine", COLUMNS, rows)
     if guard:
@@ -115,8 +122,9 @@ def scenes(
     _write_pages(page, mark, chosen, found, controllers, guard)
     if records is not None:
         typer.echo(f"written: records and films in {records}")
-    first = found["controllers"][controllers[0]]
-    write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
+    figures = found["controllers"]
+    first = {name: value for name, value in figures[controllers[0]].items() if name != "families"}
+    write(json, {**first, **figures, **found}, seed=seed)
 
 
 def _write_pages(
@@ -153,8 +161,10 @@ def _tables(
 
 
 def _row(name: str, f: dict[str, Any]) -> list[str]:
-    forms = {"keep_outs": "{}", "clearance_min": "{:.2f}", "cross_track_p95": "{:.2f}", "cycle": "{:.1f}",
-             "speed": "{:.1f}", "tool": "{:.1f}", "missed": "{}", "plan_p95_s": "{:.2f}"}  # fmt: skip
+    forms = {
+        "keep_outs": "{}", "clearance_min": "{:.2f}", "cross_track_p95": "{:.2f}", "cycle": "{:.1f}",
+        "cycle_ratio": "{:.2f}", "speed": "{:.1f}", "tool": "{:.1f}", "missed": "{}", "plan_p95_s": "{:.2f}",
+    }  # fmt: skip
     texts = [_text(f, key, form) for key, form in forms.items()]
     return [name, str(f["scenes"]), str(f["runs"]), _contacts(f), *texts]
 
