@@ -18,7 +18,8 @@ from baselines.nmpc import prediction
 from baselines.nmpc_path.cost import POSE, SWING_RATE
 from baselines.nmpc_path.field import Field
 from baselines.optima.collocation import POINTS, TAU, Phase, Problem, Unknowns
-from baselines.optima.plant import STATES, Plant
+from baselines.optima.plant import PRESSURE, STATES, Plant
+from baselines.optima.problem import ARM_SMOOTH, SMOOTH
 from baselines.planning.path import TICK_S, Path
 from fmus.equations import kinematics
 from specs.distance import solids
@@ -31,7 +32,7 @@ ROUNDS = 4
 NEAR_RAD = (0.3, 0.2, 0.2, 0.5, 0.5)  # that a solve may go beside the way that its planes are of, as POSE
 AT_REST = 0.01  # rad/s
 HANGS = 0.03  # rad
-SMOOTH = (2e-4, 5e-2, 5e-2)  # weights of the inputs' steps, so that what does not matter does not chatter
+WEIGHTS = (SMOOTH, ARM_SMOOTH, ARM_SMOOTH)  # of the inputs' steps
 SLOWEST = 60.0  # s
 
 
@@ -127,7 +128,7 @@ class Leg:
                 x[STATES.index(f"{joint}_rate")] = np.interp(points, ticks, self.path.rates[:, j])
             speed = x[STATES.index("slew_rate")]
             x[STATES.index("spool")] = np.clip(speed + 0.15 * np.sign(speed) * (np.abs(speed) > 0.01), -1, 1)
-            x[STATES.index("p_a")] = x[STATES.index("p_b")] = self.plant.p.slew_boost_pressure / 1e7
+            x[STATES.index("p_a")] = x[STATES.index("p_b")] = self.plant.p.slew_boost_pressure / PRESSURE
             states.append(x)
             inputs.append(
                 x[[STATES.index(v) for v in ("spool", "boom_rate", "stick_rate")], POINTS - 1 :: POINTS]
@@ -164,5 +165,5 @@ def _roughness(problem: Problem) -> ca.MX:
     total = ca.MX(0)
     for part in problem.parts:
         steps = part.inputs[:, 1:] - part.inputs[:, :-1]
-        total += sum(w * ca.sumsqr(steps[i, :]) for i, w in enumerate(SMOOTH))
+        total += sum(w * ca.sumsqr(steps[i, :]) for i, w in enumerate(WEIGHTS))
     return total
