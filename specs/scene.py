@@ -12,6 +12,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import numpy as np
+
 from specs.errors import InputError, nearest
 from specs.scenario import Target
 from specs.schema import ROOT, STRICT, read_toml, validate
@@ -21,6 +23,32 @@ Vector = tuple[float, float, float]
 MOST_TARGETS, MOST_THINGS, MOST_SOLIDS = 20, 200, 400
 GROUND = "ground"  # a thing's name that is taken
 FARTHEST_M = 200.0  # of anything from the slew axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal(Target):
+    """A target of a scene: where the grab stops, or what it passes (`through`); one that moves has a `path`.
+
+    Rows of `path`: time [s] since the machine sets out for it, and how far from its place it is then [m].
+    """
+
+    through: bool = False
+    path: tuple[tuple[float, float, float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if any(b[0] <= a[0] for a, b in pairwise(self.path)):
+            raise InputError("path: times must grow")
+        if self.through and self.path:
+            raise InputError("through: a target that moves cannot be passed")
+
+    def at(self, seconds: np.ndarray) -> np.ndarray:
+        """Where it is (n, 3) at times since the machine set out [s]; before and after its path it rests."""
+        places = np.tile(self.xyz, (len(seconds), 1))
+        if self.path:
+            times, *away = np.array(self.path).T
+            places = places + np.stack([np.interp(seconds, times, one) for one in away], axis=1)
+        return places
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,8 +237,8 @@ class Scene:
 
     name: str
     description: str
-    start: Target
-    targets: tuple[Target, ...]
+    start: Goal
+    targets: tuple[Goal, ...]
     family: str = ""
     tolerance_m: float = 0.5  # within which a target is reached
     load_kg: tuple[float, float] = (0.0, 2000.0)  # from, to: drawn, not told
@@ -222,6 +250,13 @@ class Scene:
             raise InputError(f"targets: {len(self.targets)}, from 1 to {MOST_TARGETS}")
         if len(self.things) > MOST_THINGS:
             raise InputError(f"things: {len(self.things)}, at most {MOST_THINGS}")
+        if self.start.through or self.start.path:
+            raise InputError("start: the grab hangs there; it is not passed, and does not move")
+        if self.targets[-1].through:
+            raise InputError("targets: the last one is where the way ends, it cannot be passed")
+        for number, target in enumerate(self.targets[:-1], 1):
+            if target.path:
+                raise InputError(f"targets.{number}: only the last one may move")
         _positive(tolerance_m=self.tolerance_m)
         if not 0.0 <= self.load_kg[0] <= self.load_kg[1] <= 5000.0:
             raise InputError("load_kg: need 0 <= from <= to <= 5000")
@@ -235,6 +270,17 @@ class Scene:
         names = [GROUND, *(thing.name for thing in self.things)]
         if twice := [name for name in names if names.count(name) > 1]:
             raise InputError(f"two things called '{twice[0]}'")
+
+    def stops(self) -> tuple[tuple[Goal, ...], ...]:
+        """The targets of each leg: those passed on the way, then the one it stops at."""
+        found: list[tuple[Goal, ...]] = []
+        passed: tuple[Goal, ...] = ()
+        for target in self.targets:
+            passed = (*passed, target)
+            if not target.through:
+                found.append(passed)
+                passed = ()
+        return tuple(found)
 
     def solids(self) -> tuple[Box | Cylinder | HalfSpace, ...]:
         """Everything that must not be touched, as boxes, cylinders and half-spaces; the ground among them."""
@@ -274,9 +320,9 @@ def build(name: str, data: Mapping[str, Any], where: str) -> Scene:
     """The content of a scene file as a Scene; every mistake names `where` and the key."""
     parts: dict[str, Any] = {"name": name, **data}
     if "start" in data:
-        parts["start"] = validate(Target, data["start"], f"{where}: start")
+        parts["start"] = validate(Goal, data["start"], f"{where}: start")
     parts["targets"] = tuple(
-        validate(Target, entry, f"{where}: targets.{i}")
+        validate(Goal, entry, f"{where}: targets.{i}")
         for i, entry in enumerate(_list(data, "targets", where), 1)
     )
     parts["things"] = tuple(

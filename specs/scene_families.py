@@ -12,8 +12,7 @@ from typing import Any
 from specs import keys
 from specs.draws import SEALED, Opened
 from specs.errors import InputError, nearest
-from specs.scenario import Target
-from specs.scene import Box, Cylinder, HeightMap, Hopper, Scene, Truck, Zone, load
+from specs.scene import Box, Cylinder, Goal, HeightMap, Hopper, Scene, Truck, Zone, load
 
 SETS = {"training": 8, "tuning": 4, "validation": 4, SEALED: 4}  # scenes of each family
 GRAB_M = 1.0  # from the grab point to the lowest of the grab, about
@@ -61,8 +60,8 @@ def draw(name: str, opened: Opened | None = None) -> Scene:
     return Scene(name=name, family=family, **made)
 
 
-def _at(slew_deg: float, radius: float, height: float) -> Target:
-    return Target(slew_deg=round(slew_deg, 3), radius_m=round(radius, 3), height_m=round(height, 3))
+def _at(slew_deg: float, radius: float, height: float) -> Goal:
+    return Goal(slew_deg=round(slew_deg, 3), radius_m=round(radius, 3), height_m=round(height, 3))
 
 
 def _place(slew_deg: float, radius: float) -> tuple[float, float]:

@@ -32,7 +32,7 @@ class Arrival:
         if path is None or self._tick * TICK_S < path.seconds:
             return
         grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), self._sizes)[0]
-        near = math.dist(grab, path.target) <= path.tolerance_m
+        near = math.dist(grab, path.target(self._tick)) <= path.tolerance_m
         self._near = self._near + 1 if near else 0
 
     @property

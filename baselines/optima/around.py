@@ -74,7 +74,7 @@ class Leg:
         going, staying = problem.parts
         for part, near in zip(problem.parts, states, strict=True):
             self._keep_off(problem, part, near[:, POINTS - 1 :: POINTS])
-        target = ca.DM(self.path.target)
+        target = ca.DM(self.path.target(0))
         for k in range(INTERVALS[1]):
             away = grab(staying.ends[:, k]) - target
             problem.demand(ca.sumsqr(away), 0.0, self.path.tolerance_m**2)

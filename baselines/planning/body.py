@@ -18,6 +18,7 @@ from specs.outlines import surface
 from specs.scene import GROUND, Scene
 from specs.shapes import BASE
 
+ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
 BALL_M = 0.8  # between the balls along boom and stick
 OUTLINE_M = 0.3  # between the points on the carriage and the cabin
 TAIL_STEPS = 360  # of the table of the carriage's clearance over a turn

@@ -24,7 +24,7 @@ def flat(angles: np.ndarray, length: float) -> np.ndarray:
 
 def led(path: Path, length: float) -> Path:
     """The same path for a grab on a pendulum of this `length` [m]."""
-    return of_angles(flat(path.angles, length), path.target, path.tolerance_m)
+    return of_angles(flat(path.angles, length), path.targets, path.tolerance_m, path.there)
 
 
 def _twice(values: np.ndarray) -> np.ndarray:

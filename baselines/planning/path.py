@@ -16,19 +16,26 @@ class Path:
     """Slew, boom and stick angle over time, at rest at both ends, with what a follower must keep to.
 
     `angles`, `rates` and `accelerations` have one row a tick of 0.02 s; the speed limits are in them.  It has
-    ended when the reference is at its end and the grab has been within `tolerance_m` of the target a while.
+    ended when the reference is at the target and the grab has been within `tolerance_m` of it a while.  With
+    a target that moves, the path goes on with it from tick `there` on.
     """
 
     angles: np.ndarray
     rates: np.ndarray
     accelerations: np.ndarray
-    target: tuple[float, float, float]
+    targets: np.ndarray  # (n, 3): where the target is at each tick, from the last one on as there, m
     tolerance_m: float
+    there: int
 
     @property
     def seconds(self) -> float:
-        """How long it takes."""
-        return (len(self.angles) - 1) * TICK_S
+        """How long it takes to the target."""
+        return self.there * TICK_S
+
+    def target(self, tick: int) -> tuple[float, float, float]:
+        """Where the target is at a tick, m."""
+        x, y, z = self.targets[min(tick, len(self.targets) - 1)].tolist()
+        return x, y, z
 
     def at(self, tick: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angles, rates and accelerations at a tick; those of the end beyond it."""
@@ -36,10 +43,11 @@ class Path:
         return self.angles[k], self.rates[k], self.accelerations[k]
 
 
-def of_angles(angles: np.ndarray, target: tuple[float, float, float], tolerance_m: float) -> Path:
-    """The path of these angles, one row a tick."""
+def of_angles(angles: np.ndarray, targets: np.ndarray, tolerance_m: float, there: int | None = None) -> Path:
+    """The path of these angles, one row a tick; at its target at the tick `there`, else with the last row."""
     rates = np.gradient(angles, TICK_S, axis=0)
-    return Path(angles, rates, np.gradient(rates, TICK_S, axis=0), target, tolerance_m)
+    there = len(angles) - 1 if there is None else there
+    return Path(angles, rates, np.gradient(rates, TICK_S, axis=0), targets, tolerance_m, there)
 
 
 SPACING = 0.4  # s at top speed between control points

@@ -10,22 +10,22 @@ from importlib import import_module
 import numpy as np
 from scipy.interpolate import BSpline
 
-from baselines.planning import search
-from baselines.planning.body import Body, Margins
-from baselines.planning.path import STIFFNESSES, Free, Path, averaged, of_angles, smooth
+from baselines.planning import meeting, search
+from baselines.planning.body import ROUNDED_M, Body, Margins
+from baselines.planning.path import STIFFNESSES, Path, averaged, of_angles, smooth
 from baselines.planning.timing import Limits, timed
 from fmus.equations import kinematics
 from specs import parameters, pose, shapes
 from specs.distance import Solids, solids
 from specs.errors import InputError
 from specs.scenario import Target
-from specs.scene import Scene
+from specs.scene import Goal, Scene
 
 NEAREST_M = 4.0  # of a thing: the carriage turns there
-ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
 FLAT_MEANS = 3  # of the angles: their fourth derivatives are to be small
 ROUND_SHARES = (1.0, 0.6, 0.3)  # of the time of the means
 THERE_RAD, STANDS_TICKS = 1e-6, 10  # of a target at the start: nothing moves
+PASS_SHARES = (0.3, 0.5)  # of the tolerance: what is passed is this near to a curve, and to it rounded
 PACKAGES = ("ompl.geometric", "toppra.algorithm")
 AROUND = 24  # directions in which a free target near a taken one is looked for
 RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
@@ -72,6 +72,8 @@ class Planner:
         """Raise InputError where the scene holds the machine, or start or target are taken."""
         self._check_machine()
         for what, target in (("start", self.scene.start), *self._numbered()):
+            if isinstance(target, Goal) and target.path:
+                continue  # where it will be is known to who plans
             if reason := self._taken(target):
                 near = self._free_near(target)
                 raise InputError(
@@ -79,65 +81,110 @@ class Planner:
                 )
 
     def legs(self, seed: int = 1) -> list[Leg]:
-        """A leg to each target, each from the one before."""
+        """A leg to each target that it stops at, each from the one before."""
         at, found = pose_of(self.scene.start), []
-        for number, target in enumerate(self.scene.targets):
-            leg, at = self.leg(at, target, seed + 1000 * number)
+        for number, targets in enumerate(self.scene.stops()):
+            leg, at = self.leg(at, targets, seed + 1000 * number)
             found.append(leg)
             if leg.path is None:
                 break
         return found
 
-    def leg(self, start: np.ndarray, target: Target, seed: int = 1) -> tuple[Leg, np.ndarray]:
-        """The leg from a pose to a target, and the pose at its end; always in the same way for a seed."""
+    def leg(self, start: np.ndarray, targets: Sequence[Goal], seed: int = 1) -> tuple[Leg, np.ndarray]:
+        """The leg from a pose to the last of `targets`, past the others, and the pose at its end.
+
+        Always the same for a seed.
+        """
         for package in PACKAGES:  # loading them is not planning
             import_module(package)
         began, checks = time.process_time(), search.Checks(self.body, self.speeds)
-        path, reason = self._path(checks, start, target, seed)
+        path, reason = self._path(checks, start, targets, seed)
         end = start if path is None else path.angles[-1]
         return Leg(path, reason, time.process_time() - began, checks.count), end
 
     def _path(
-        self, checks: search.Checks, start: np.ndarray, target: Target, seed: int
+        self, checks: search.Checks, start: np.ndarray, targets: Sequence[Goal], seed: int
     ) -> tuple[Path | None, str]:
-        if reason := self._taken(target):
+        if targets[-1].path:
+            return self._met(checks, start, targets, seed)
+        angles, reason = self._angles(checks, start, targets, seed)
+        if angles is None:
             return None, reason
-        goals = _turns(start, pose_of(target))
-        if np.allclose(goals[0], start, atol=THERE_RAD):
-            return of_angles(np.repeat([start], STANDS_TICKS, axis=0), target.xyz, self.scene.tolerance_m), ""
-        corners = search.way(checks, start / self.speeds, [goal / self.speeds for goal in goals], seed)
-        if corners is None:
-            return None, f"no way found in {checks.count} checks; {self._blocked(start, goals[0])}"
-        curves = self._curves(corners)
+        return of_angles(angles, np.array([targets[-1].xyz]), self.scene.tolerance_m), ""
+
+    def _met(
+        self, checks: search.Checks, start: np.ndarray, targets: Sequence[Goal], seed: int
+    ) -> tuple[Path | None, str]:
+        """A path that meets the last target where it will be, and goes on with it."""
+        *passed, goal = targets
+        found = meeting.meet(goal, lambda there: self._angles(checks, start, [*passed, there], seed))
+        if isinstance(found, str):
+            return None, found
+        path = meeting.along(found, goal, self.scene.tolerance_m, self._p["path_round_time"])
+        return (None, reason) if (reason := meeting.beyond(path.angles, self.body)) else (path, "")
+
+    def _angles(
+        self, checks: search.Checks, start: np.ndarray, targets: Sequence[Target], seed: int
+    ) -> tuple[np.ndarray | None, str]:
+        """Angles at each tick past all but the last of `targets` to it, or the reason why there are none."""
+        for target in targets:
+            if reason := self._taken(target):
+                return None, reason
+        corners, at = [start / self.speeds], start
+        for target in targets:
+            goals = _turns(at, pose_of(target))
+            if np.allclose(goals[0], at, atol=THERE_RAD):
+                continue
+            way = search.way(checks, corners[-1], [goal / self.speeds for goal in goals], seed)
+            if way is None:
+                return None, f"no way found in {checks.count} checks; {self._blocked(at, goals[0])}"
+            corners += list(way[1:])
+            at = corners[-1] * self.speeds
+        if len(corners) == 1:
+            return np.repeat([start], STANDS_TICKS, axis=0), ""
+        passed = np.array([target.xyz for target in targets[:-1]]).reshape(-1, 3)
+        curves = self._curves(np.array(corners), passed)
         if not curves:
             return None, "the way is too narrow for a smooth path"
         tried = [(curve, timed(curve, self.speeds, self._limits(curve), self._slow)) for curve in curves]
         kept = [curve(places) * self.speeds for curve, places in tried if places is not None]
         if not kept:
             return None, "no timing keeps to the limits"
-        angles = self._rounded(sorted(kept, key=len))
-        if angles is None:
-            return None, "the way is too narrow for a smooth path"
-        return of_angles(angles, target.xyz, self.scene.tolerance_m), ""
+        angles = self._rounded(sorted(kept, key=len), passed)
+        return angles, "" if angles is not None else "the way is too narrow for a smooth path"
 
-    def _rounded(self, kept: Sequence[np.ndarray]) -> np.ndarray | None:
+    def _rounded(self, kept: Sequence[np.ndarray], passed: np.ndarray) -> np.ndarray | None:
         """The quickest of the timed paths that stays free with accelerations rounded, by less if need be."""
         for seconds in (self._p["path_round_time"] * share for share in ROUND_SHARES):
             for angles in kept:
                 for _ in range(FLAT_MEANS if self.flat else 1):
                     angles = averaged(angles, seconds)
-                if np.all(self.body.clearance(angles) > -ROUNDED_M):
+                if np.all(self.body.clearance(angles) > -ROUNDED_M) and self._passes(
+                    angles, passed, PASS_SHARES[1]
+                ):
                     return angles
         return None
 
-    def _curves(self, corners: np.ndarray) -> list[BSpline]:
-        """Smooth curves about a way, rounded more and less."""
+    def _curves(self, corners: np.ndarray, passed: np.ndarray) -> list[BSpline]:
+        """Smooth curves about a way, rounded more and less, near what they are to pass."""
 
-        def beyond(distance: float) -> Free:
-            return lambda states: self.body.clearance(states * self.speeds) > distance
+        def free(states: np.ndarray) -> np.ndarray:
+            return self.body.clearance(states * self.speeds) > 0.0
 
-        found = [smooth(corners, stiff, beyond(0.0), beyond(-ROUNDED_M)) for stiff in STIFFNESSES]
+        def nearly(states: np.ndarray) -> np.ndarray:
+            near = self._passes(states * self.speeds, passed, PASS_SHARES[0])
+            return (self.body.clearance(states * self.speeds) > -ROUNDED_M) & near
+
+        found = [smooth(corners, stiff, free, nearly) for stiff in STIFFNESSES]
         return [curve for curve in found if curve is not None]
+
+    def _passes(self, angles: np.ndarray, passed: np.ndarray, share: float) -> bool:
+        """Whether the hanging grab comes within this share of the tolerance of all that it is to pass."""
+        if not len(passed):
+            return True
+        grab = pose.grab(np.hstack([angles, np.zeros((len(angles), 2))]), shapes.sizes())
+        away = np.linalg.norm(grab[:, None, :] - passed, axis=2)
+        return bool(np.all(away.min(axis=0) <= share * self.scene.tolerance_m))
 
     def _limits(self, curve: BSpline) -> Limits:
         """Of a path: its slew acceleration is that of the place where inertia and radius are largest."""

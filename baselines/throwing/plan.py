@@ -155,7 +155,7 @@ def _path(start: np.ndarray, way: int, profile: _Profile, arm: tuple[float, floa
     angles = np.stack(columns, axis=1)
     for _ in range(MEANS):
         angles = averaged(angles, _gains()["path_round_time"])
-    return of_angles(angles, (0.0, 0.0, 0.0), 0.0)
+    return of_angles(angles, np.zeros((1, 3)), 0.0)
 
 
 def _acceleration(boom: float, stick: float, radius: float) -> float:
@@ -163,7 +163,7 @@ def _acceleration(boom: float, stick: float, radius: float) -> float:
     g, p = _gains(), kinematics.geometry()
     inertia = float(kinematics.inertia_z(boom, stick, 1000.0, p)) + g["control_inertia_extra"]
     brake = g["path_slew_share"] * g["control_brake_torque"] / inertia
-    return min(brake, p.gravity * g["path_sway"] / radius)
+    return min(brake, p.gravity * g["path_swing"] / radius)
 
 
 def _gains() -> dict[str, float]:

@@ -12,8 +12,7 @@ import numpy as np
 
 from deployment.guard.stand import Driver, Stand, Start
 from specs import draws, parameters
-from specs.scenario import Target
-from specs.scene import Box, Cylinder, HeightMap, Scene, Thing, Zone
+from specs.scene import Box, Cylinder, Goal, HeightMap, Scene, Thing, Zone
 
 LOAD_MOST_KG = 2000.0  # the promise's
 POSES = ((0.62, 1.48), (-2.35, -0.2))  # boom, stick: within the joints' limits
@@ -52,7 +51,7 @@ def yard(number: int, seed: int) -> Scene:
     makers = (_wall, _pole, _beam, _pile)
     things = tuple(makers[int(random.integers(4))](random, k) for k in range(int(random.integers(2, 6))))
     zones = (Zone(kind="keep_out", shape=_pole(random, 9)),) if random.random() < 0.5 else ()
-    target = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
+    target = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
     name = f"yard {number}"
     return Scene(name=name, description=name, start=target, targets=(target,), things=things, zones=zones)
 

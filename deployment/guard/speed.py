@@ -18,8 +18,8 @@ from runtime.control import ControlCore
 from runtime.image import OUTPUT
 from specs import scenario
 from specs.progress import Report
-from specs.scenario import Scenario, Target
-from specs.scene import Box, Scene
+from specs.scenario import Scenario
+from specs.scene import Box, Goal, Scene
 
 CONTROLLER = "pd"
 SCENARIOS = ("four_targets_empty", "four_targets_2t", "five_targets_unknown")
@@ -34,7 +34,7 @@ def ring(inner_m: float) -> Scene:
         size = (THICK_M, 2.2 * place * math.sin(math.pi / WALLS), HEIGHT_M)
         middle = (place * math.cos(turn), place * math.sin(turn), HEIGHT_M / 2)
         walls.append(Box(name=f"wall {k}", middle=middle, size=size, turn_deg=math.degrees(turn)))
-    target = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
+    target = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
     name = f"ring of {inner_m:.1f} m"
     return Scene(name=name, description=name, start=target, targets=(target,), things=tuple(walls))
 

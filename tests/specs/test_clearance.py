@@ -7,12 +7,11 @@ import pytest
 
 from specs import pose, shapes
 from specs.clearance import Clearance
-from specs.scenario import Target
-from specs.scene import Box, Scene, Thing, Zone, load
+from specs.scene import Box, Goal, Scene, Thing, Zone, load
 from specs.scene_families import find
 from specs.signals import signal
 
-HERE = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
+HERE = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
 POSE = (0.3, 1.1, -2.0, 0.02, 0.05)
 
 

@@ -13,8 +13,10 @@ from verification.scenes.run import planned
 def best(scene: Scene, seed: int) -> dict[str, Any]:
     """`seconds` of the nominal machine with a load in the middle of the scene's, each target in least time.
 
-    None where a target has no plan to begin from, or a search did not converge.
+    None where a target moves or is passed, has no plan to begin from, or a search did not converge.
     """
+    if any(target.path or target.through for target in scene.targets):
+        return {"scene": scene.name, "seconds": None}
     machine = {"load_mass": sum(scene.load_kg) / 2}
     seconds, legs = STAYS_S * (len(scene.targets) - 1), planned(scene, "", seed)
     for leg in legs:

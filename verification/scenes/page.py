@@ -90,6 +90,9 @@ def view(scene: Scene, row: Row, up: int) -> str:
         parts.append(
             f"<circle cx='{x}' cy='{y}' r='{radius:.1f}' fill='none' stroke='{GOAL}'>{name}</circle>"
         )
+        if target.path:
+            way = at(target.at(np.array([row[0] for row in target.path])))
+            parts.append(_line(way, GOAL, "4 3", f"way of target {number}"))
     title = "from above" if up == 1 else "from the side"
     return (
         f"<svg viewBox='0 0 {VIEW_PX} {height * scale:.0f}' width='{VIEW_PX}' role='img' "

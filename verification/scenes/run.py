@@ -13,6 +13,7 @@ import numpy as np
 from baselines import registry
 from baselines.following import follower
 from baselines.following.arrival import MOST_EXTRA_S, SENSED, STILL_S
+from baselines.planning.path import Path
 from baselines.planning.planner import Leg, Planner, hanging, pose_of
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
@@ -24,7 +25,7 @@ from records.record import Record
 from records.schema import TIME
 from specs import keys, pose, shapes, systems as systems_spec
 from specs.errors import InputError, nearest
-from specs.scene import Scene
+from specs.scene import Goal, Scene
 from specs.version import VERSION
 from verification.evaluation import policies
 from verification.python_controller import checked, offered
@@ -36,6 +37,7 @@ TICK_S = 0.02
 DIRECT_S = 25.0  # for a target at most, of a controller without a plan
 LED = "@path"  # after a controller's name: its target is moved along the planned path
 LEAD_S = 1.5  # by which that target is ahead of the plan
+LEFT_SHARE = 0.8  # of the tolerance: so near a blind controller leaves a target that it passes for the next
 AFTER_S = 2.0  # recorded beyond the last target
 GUARDED = "+guard"  # after a controller's name: the guard of the control core stands behind it
 # A controller's commands, and what they are as inputs of the system where something stands between
@@ -162,31 +164,48 @@ def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
     """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
     system, settings = _controlled(case.driver.removesuffix(LED), bool(case.guarding))
     aims = Aims(case.scene, legs)
-    record, parts = _driven(case, system, SENSED, aims, sum(aims.longest) + AFTER_S, settings)
+    record, parts = _driven(case, system, SENSED, aims, aims.longest_s + AFTER_S, settings)
     return Ran(case, record, legs, tuple(aims.begins), parts)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a controller of targets is told on its way (n, 3), and where that ends (n, 3), at each tick.
+
+    `longest_s`: for how long at most; `stays_s`, `within_m`: how long and how near it is to be at the end.
+    """
+
+    way: np.ndarray
+    end: np.ndarray
+    longest_s: float
+    within_m: float
+    stays_s: float = STILL_S
 
 
 class Aims:
     """What a controller of targets is told at each tick: the scene's target, or the planned way ahead."""
 
     def __init__(self, scene: Scene, legs: tuple[Leg, ...]):
-        paths = [leg.path for leg in legs if leg.path]
         self.begins: list[int] = []
-        self.ends = [target.xyz for target in scene.targets]
-        self.ways = [hanging(path) for path in paths] or [np.array([end]) for end in self.ends]
-        self.longest = [path.seconds + MOST_EXTRA_S for path in paths] or [DIRECT_S] * len(self.ends)
-        self._tolerance, self._sizes = scene.tolerance_m, shapes.sizes()
+        self.aims = [_led(leg.path) for leg in legs if leg.path]
+        self.aims = self.aims or [_straight(target, scene.tolerance_m) for target in scene.targets]
+        self._sizes = shapes.sizes()
         self._near = self._after = 0
+
+    @property
+    def longest_s(self) -> float:
+        """For all of them."""
+        return sum(aim.longest_s for aim in self.aims)
 
     def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         """Inputs of the system; None some time after the last target."""
         if not self.begins or self._ended(tick, sensors):
-            if len(self.begins) < len(self.ends):
+            if len(self.begins) < len(self.aims):
                 self.begins.append(tick)
                 self._near = 0
             else:
                 self._after += 1
-        way = self.ways[len(self.begins) - 1]
+        way = self.aims[len(self.begins) - 1].way
         ahead = min(tick - self.begins[-1] + round(LEAD_S / TICK_S), len(way) - 1)
         told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
         over = self._after * TICK_S >= AFTER_S
@@ -194,12 +213,24 @@ class Aims:
 
     def _ended(self, tick: int, sensors: Mapping[str, float]) -> bool:
         """Whether the grab has been near the target for long enough, or it took too long."""
-        number = len(self.begins) - 1
+        aim, since = self.aims[len(self.begins) - 1], tick - self.begins[-1]
         grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), self._sizes)[0]
-        near = math.dist(grab, self.ends[number]) <= self._tolerance
+        near = math.dist(grab, aim.end[min(since, len(aim.end) - 1)]) <= aim.within_m
         self._near = self._near + 1 if near else 0
-        late = (tick - self.begins[-1]) * TICK_S >= self.longest[number]
-        return self._near * TICK_S >= STILL_S or late
+        return self._near * TICK_S >= aim.stays_s or since * TICK_S >= aim.longest_s
+
+
+def _led(path: Path) -> Aim:
+    """Along a planned path."""
+    return Aim(hanging(path), path.targets, path.seconds + MOST_EXTRA_S, path.tolerance_m)
+
+
+def _straight(target: Goal, tolerance_m: float) -> Aim:
+    """Straight to a target; one that is passed is left as soon as it is near by the sensors."""
+    places = target.at(np.arange(round(DIRECT_S / TICK_S) + 1 if target.path else 1) * TICK_S)
+    if target.through:
+        return Aim(places, places, DIRECT_S, LEFT_SHARE * tolerance_m, TICK_S)
+    return Aim(places, places, DIRECT_S, tolerance_m)
 
 
 def _driven(

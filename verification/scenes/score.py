@@ -13,7 +13,7 @@ from records.metrics import BAND_DEG
 from records.record import Record
 from specs import pose
 from specs.scenario import Target
-from specs.scene import Box, Scene
+from specs.scene import Box, Goal, Scene
 from verification.scenes.contacts import contacts
 from verification.scenes.run import TICK_S, TRUE, Guard, Ran
 
@@ -28,11 +28,12 @@ GUARD_SUMS = ("interventions", "start_too_near", "targets_too_near")
 def score(ran: Ran) -> dict[str, Any]:
     """The row of one run; of a scene without a plan it has the reason and no figures."""
     case = ran.case
+    reasons = [f"{_towards(ran, k)}: {leg.reason}" for k, leg in enumerate(ran.legs) if leg.reason]
     row: dict[str, Any] = {
         "scene": case.scene.name, "family": case.scene.family, "controller": case.controller,
         "machine": case.machine, "seed": case.seed, "load_kg": round(case.load_kg, 1),
         "plan_s": [round(leg.seconds, 3) for leg in ran.legs],
-        "reason": next((f"target {k}: {leg.reason}" for k, leg in enumerate(ran.legs, 1) if leg.reason), ""),
+        "reason": reasons[0] if reasons else "",
     }  # fmt: skip
     if ran.record is None:
         return {**row, "driven": False}
@@ -57,6 +58,11 @@ def score(ran: Ran) -> dict[str, Any]:
         "swing_deg": float(np.degrees(np.abs(angles[:, 3:]).max())),
         **_stepped_in(ran),
     }
+
+
+def _towards(ran: Ran, leg: int) -> str:
+    """The target that a leg ends at, by its number."""
+    return f"target {sum(len(targets) for targets in ran.case.scene.stops()[: leg + 1])}"
 
 
 def _stepped_in(ran: Ran) -> dict[str, Any]:
@@ -112,24 +118,32 @@ def _cross_track(ran: Ran, grab: np.ndarray) -> np.ndarray:
 
 def _times(ran: Ran, record: Record, grab: np.ndarray) -> dict[str, Any]:
     """Cycle time [s], targets missed, speed [°/s]: slew of the legs over their times into the 3° band."""
-    slew = np.degrees(record.column("true_q_slew"))
+    slew, scene = np.degrees(record.column("true_q_slew")), ran.case.scene
+    legs = scene.stops() if ran.legs else tuple((target,) for target in scene.targets)
     missed, reached, turned, taken = 0, 0, 0.0, 0.0
-    for target, rows in zip(ran.case.scene.targets, _rows_of(ran, len(grab)), strict=False):
-        away = np.linalg.norm(grab[rows] - np.array(target.xyz), axis=1)
-        at = _stays(away <= ran.case.scene.tolerance_m, round(STAYS_S / TICK_S))
-        missed += at is None
-        reached = rows.start + (len(away) if at is None else at)
-        error = (slew[rows] - target.slew_deg + 180.0) % 360.0 - 180.0
-        inside = np.abs(error) <= BAND_DEG
+    for targets, rows in zip(legs, _rows_of(ran, len(grab)), strict=False):
+        away = [_away(target, grab[rows]) <= scene.tolerance_m for target in targets]
+        stays = 1 if targets[-1].through else round(STAYS_S / TICK_S)
+        at = _stays(away[-1], stays)
+        missed += (at is None) + sum(not near.any() for near in away[:-1])
+        reached = rows.start + (len(grab[rows]) if at is None else at)
+        goal = targets[-1].at(np.arange(len(grab[rows])) * TICK_S)
+        error = slew[rows] - np.degrees(np.arctan2(goal[:, 1], goal[:, 0]))
+        inside = np.abs((error + 180.0) % 360.0 - 180.0) <= BAND_DEG
         settled = len(inside) - int(np.argmax(~inside[::-1])) if not inside.all() else 0
         turned += abs(slew[rows][-1] - slew[rows][0])
         taken += max(settled, 1) * TICK_S
     return {
         "cycle": (reached - ran.begins[0]) * TICK_S if ran.begins else None,
-        "targets": len(ran.case.scene.targets),
-        "missed": missed + len(ran.case.scene.targets) - len(ran.begins),
+        "targets": len(scene.targets),
+        "missed": missed + sum(len(targets) for targets in legs[len(ran.begins) :]),
         "speed": turned / taken if taken else 0.0,
     }
+
+
+def _away(target: Goal, grab: np.ndarray) -> np.ndarray:
+    """Distance of the grab at each tick of a leg to its target, m."""
+    return np.linalg.norm(grab - target.at(np.arange(len(grab)) * TICK_S), axis=1)
 
 
 def _stays(inside: np.ndarray, count: int) -> int | None:

@@ -13,14 +13,13 @@ from runtime.archive import container, names as form_names
 from slewright.__main__ import run
 from specs import scene as scenes, scene_text
 from specs.errors import InputError
-from specs.scenario import Target
-from specs.scene import Box, HalfSpace, Scene, Thing
+from specs.scene import Box, Goal, HalfSpace, Scene, Thing
 from specs.scene_families import SETS, find, single
 from tests.runtime.archive.made import key
 from tests.runtime.bundles import guarded
 
 STAYS = ((0.0, 0.0, 0.0, 0.0),)  # a path all the same
-HERE = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
+HERE = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
 
 
 def of(*things: Thing) -> Scene:

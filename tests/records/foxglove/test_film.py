@@ -10,12 +10,11 @@ from records.foxglove import film
 from records.record import Record
 from specs import outlines, scene as scenes, shapes, urdf
 from specs.foxglove import MACHINE, MOVING, PLAN, SURROUNDINGS
-from specs.scenario import Target
-from specs.scene import Box, Cylinder, HalfSpace, HeightMap, Hopper, Scene, Zone
+from specs.scene import Box, Cylinder, Goal, HalfSpace, HeightMap, Hopper, Scene, Zone
 from tests.records.foxglove.decoded import messages
 
 pytest.importorskip("foxglove")
-HERE = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
+HERE = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
 WAYS = [[[9.0, 0.0, 4.0], [0.0, 9.0, 5.0]]]
 YARD = Scene(
     name="yard", description="d", start=HERE, targets=(HERE,),
@@ -127,5 +126,6 @@ def folders(path: Path) -> list[str]:
 @pytest.mark.parametrize("name", scenes.names())
 def test_every_scene_that_ships_can_be_filmed(name: str, tmp_path: Path):
     found = messages(written(tmp_path, scenes.load(name)))
-    shown = {entity.id for entity in found[SURROUNDINGS][0][1].entities}
+    first = [found[topic][0][1] for topic in (SURROUNDINGS, MOVING) if topic in found]
+    shown = {entity.id for update in first for entity in update.entities}
     assert {thing.name for thing in scenes.load(name).things} <= shown

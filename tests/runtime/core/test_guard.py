@@ -15,13 +15,12 @@ from deployment.hil.lockstep import lockstep
 from runtime.control import ControlCore
 from runtime.image import OUTPUT, Flag
 from specs import pose, scenario, shapes
-from specs.scenario import Target
-from specs.scene import Box, Scene
+from specs.scene import Box, Goal, Scene
 from tests.runtime import bundles
 from tests.runtime.core import guard as form
 from tests.runtime.core.guard import Guard
 
-HERE = Target(slew_deg=0.0, radius_m=9.0, height_m=4.0)
+HERE = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
 
 
 @pytest.fixture(scope="module")

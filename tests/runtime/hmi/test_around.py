@@ -19,14 +19,13 @@ from runtime.hmi.web import Request
 from runtime.shared import private_folder
 from specs import scene_text
 from specs.clearance import Clearance
-from specs.scenario import Target
-from specs.scene import Box, Cylinder, HalfSpace, HeightMap, Scene, Zone, load
+from specs.scene import Box, Cylinder, Goal, HalfSpace, HeightMap, Scene, Zone, load
 from tests.runtime.bundles import built, guarded
 from tests.runtime.hmi.browser import Browser
 from tests.runtime.hmi.served import Served
 from tests.runtime.hmi.test_playback import simulated, site
 
-HERE = Target(slew_deg=30.0, radius_m=9.0, height_m=4.0)
+HERE = Goal(slew_deg=30.0, radius_m=9.0, height_m=4.0)
 YARD = Scene(
     name="yard", description="d", start=HERE, targets=(HERE,),
     things=(

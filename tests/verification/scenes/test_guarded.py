@@ -14,12 +14,11 @@ pytest.importorskip("toppra", reason="pip install 'slewright[scenes]'")
 
 from deployment.guard.alone import Alone
 from slewright.__main__ import run as command
-from specs.scenario import Target
-from specs.scene import Box, Scene, load
+from specs.scene import Box, Goal, Scene, load
 from verification.scenes.run import TRUE, Case, Ran, run
 from verification.scenes.score import guarded, score, summary
 
-START = Target(slew_deg=0.0, radius_m=9.5, height_m=3.5)
+START = Goal(slew_deg=0.0, radius_m=9.5, height_m=3.5)
 WALL_DEG = 110.0
 
 
