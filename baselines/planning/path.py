@@ -56,30 +56,35 @@ STIFFNESSES = (3.0, 10.0, 30.0)  # of the rounding: the quickest of these curves
 Free = Callable[[np.ndarray], np.ndarray]  # which of some states (n, 3) are free
 
 
-def smooth(corners: np.ndarray, stiffness: float, free: Free, nearly: Free) -> BSpline | None:
+def smooth(
+    corners: np.ndarray, stiffness: float, free: Free, nearly: Free, held: np.ndarray | None = None
+) -> BSpline | None:
     """A twice differentiable curve along the corners, over its length; None where no curve is `nearly` free.
 
     Points on the straight way are the control points of a cubic B-spline, which lies between them.  They are
-    bent towards the least curvature as far as they stay `free`; a curve that still cuts a corner too far is
-    made anew with half the spacing, the last one without bending.
+    bent towards the least curvature as far as they stay `free`, but for those corners that are `held`; a
+    curve that still cuts a corner too far is made anew with half the spacing, the last one without bending.
     """
     for halved in range(5):
         points = _dense(corners, SPACING / 2**halved)
-        curve = _curve(points if halved == 4 else rounded(points, stiffness, free))
+        curve = _curve(points if halved == 4 else rounded(points, stiffness, free, held))
         if np.all(nearly(curve(np.linspace(0.0, curve.t[-1], 20 + int(20 * curve.t[-1]))))):
             return curve
     return None
 
 
-def rounded(points: np.ndarray, stiffness: float, free: Free) -> np.ndarray:
-    """The points bent like a stiff rod that is held at its ends, each as far as its new place is free."""
+def rounded(points: np.ndarray, stiffness: float, free: Free, held: np.ndarray | None = None) -> np.ndarray:
+    """The points bent like a stiff rod, each as far as it stays free; both ends and those `held` stay."""
     count = len(points)
     bend = np.diff(np.eye(count), 2, axis=0)
     step = np.linalg.inv(np.eye(count) + stiffness * bend.T @ bend)
+    fixed = np.zeros(count, dtype=bool)
+    fixed[[0, -1]] = True
+    for point in () if held is None else held:
+        fixed |= np.all(points == point, axis=1)
     for _ in range(ROUNDS):
         wanted = points + PULL * (step @ points - points)
-        wanted[0], wanted[-1] = points[0], points[-1]
-        points = np.where(free(wanted)[:, None], wanted, points)
+        points = np.where((free(wanted) & ~fixed)[:, None], wanted, points)
     return points
 
 

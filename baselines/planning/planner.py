@@ -130,7 +130,7 @@ class Planner:
         for target in targets:
             if reason := self._taken(target):
                 return None, reason
-        corners, at = [start / self.speeds], start
+        corners, at, stops = [start / self.speeds], start, list[np.ndarray]()
         for target in targets:
             goals = _turns(at, pose_of(target))
             if np.allclose(goals[0], at, atol=THERE_RAD):
@@ -140,10 +140,11 @@ class Planner:
                 return None, f"no way found in {checks.count} checks; {self._blocked(at, goals[0])}"
             corners += list(way[1:])
             at = corners[-1] * self.speeds
+            stops.append(corners[-1])
         if len(corners) == 1:
             return np.repeat([start], STANDS_TICKS, axis=0), ""
         passed = np.array([target.xyz for target in targets[:-1]]).reshape(-1, 3)
-        curves = self._curves(np.array(corners), passed)
+        curves = self._curves(np.array(corners), passed, np.array(stops[:-1]))
         if not curves:
             return None, "the way is too narrow for a smooth path"
         tried = [(curve, timed(curve, self.speeds, self._limits(curve), self._slow)) for curve in curves]
@@ -165,7 +166,7 @@ class Planner:
                     return angles
         return None
 
-    def _curves(self, corners: np.ndarray, passed: np.ndarray) -> list[BSpline]:
+    def _curves(self, corners: np.ndarray, passed: np.ndarray, held: np.ndarray) -> list[BSpline]:
         """Smooth curves about a way, rounded more and less, near what they are to pass."""
 
         def free(states: np.ndarray) -> np.ndarray:
@@ -175,14 +176,14 @@ class Planner:
             near = self._passes(states * self.speeds, passed, PASS_SHARES[0])
             return (self.body.clearance(states * self.speeds) > -ROUNDED_M) & near
 
-        found = [smooth(corners, stiff, free, nearly) for stiff in STIFFNESSES]
+        found = [smooth(corners, stiff, free, nearly, held) for stiff in STIFFNESSES]
         return [curve for curve in found if curve is not None]
 
     def _passes(self, angles: np.ndarray, passed: np.ndarray, share: float) -> bool:
         """Whether the hanging grab comes within this share of the tolerance of all that it is to pass."""
         if not len(passed):
             return True
-        grab = pose.grab(np.hstack([angles, np.zeros((len(angles), 2))]), shapes.sizes())
+        grab = pose.grab(np.hstack([angles, np.zeros((len(angles), 2))]), self.body.sizes)
         away = np.linalg.norm(grab[:, None, :] - passed, axis=2)
         return bool(np.all(away.min(axis=0) <= share * self.scene.tolerance_m))
 
