@@ -6,6 +6,7 @@ SlewNetwork in SI: scales and turned channels go into means, deviations and weig
 """
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -122,7 +123,8 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
     import torch
 
     try:
-        found = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings(action="ignore"):  # torch tells its users how to load TorchScript
+            found = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # a stranger's file: torch, zip and pickle errors of many kinds
         raise InputError(
             f"{path}: no readable state dict ({type(error).__name__}); "

@@ -104,7 +104,7 @@ def bring(
     found = accept(network, trajectories(recording, network.inertia_map))
     if (error := found.network.velocity_mae) > most:
         raise InputError(
-            f"{recording}: the networks miss its speed by {error:.3g} °/s over 10 s in open loop, more than "
+            f"{recording}: the networks miss its speed by {error:.2f} °/s over 10 s in open loop, more than "
             f"{most:g}: wrong order, scale or inertia in {description}? --most-error ERROR accepts more"
         )
     report("writing")

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.models.slew_nn.fmu import write_folder
 from fmus.models.slew_nn.model import INERTIA_UNKNOWN
-from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.network import SlewNetwork, unknown_inertia
 from fmus.paths import BUILD, ROOT, built_here
 from fmus.toolchain.loader import load_model
 from orchestrator.files.archive import opened
@@ -75,29 +75,18 @@ def find(text: str, our_inertia: bool = False, also: Sequence[str] = ()) -> Plan
 
 def of_network(network: SlewNetwork, name: str, our_inertia: bool = False, ahead: int = 0) -> Plant:
     """The nominal system with this network; InputError if it cannot be a plant."""
-    network.check_whole()
-    if not all(np.isfinite(a).all() for a in _numbers(network)):
-        raise InputError(f"plant {name}: weights or statistics that are not finite numbers")
-    if network.inertia_map is None and not our_inertia:
-        raise InputError(_unknown_inertia(name))
+    network.check_plant(name, our_inertia)
     return Plant(name, models={SLEW: _folder(network, ahead)}, network=network)
 
 
 def _folder(network: SlewNetwork, ahead: int) -> Path:
     """A model folder of the network, written once for each content."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    content = b"".join(np.ascontiguousarray(a).tobytes() for a in _numbers(network))
+    content = b"".join(np.ascontiguousarray(a).tobytes() for a in network.numbers)
     told = f"{ahead} {network.symmetric} {sorted(network.meta.items())}".encode()
     name = f"slew_plant_{hashlib.sha256(content + told).hexdigest()[:12]}"
     made = FOLDER / name
     return made if made.is_dir() else write_folder(network, name, FOLDER, ahead)
-
-
-def _numbers(network: SlewNetwork) -> list[np.ndarray]:
-    nets = (*network.pressure, *network.velocity)
-    return [
-        a for n in nets for a in (*n.weights, *n.biases, n.mean_in, n.std_in, n.mean_out, n.std_out)
-    ]  # fmt: skip
 
 
 def _of_fmu(path: Path, our_inertia: bool) -> Plant:
@@ -110,15 +99,8 @@ def _of_fmu(path: Path, our_inertia: bool) -> Plant:
     _check_contract(path, inputs, outputs)
     ours = built_here(hashlib.sha256(path.read_bytes()).hexdigest())
     if not (ours and INERTIA_UNKNOWN.encode() not in content) and not our_inertia:
-        raise InputError(_unknown_inertia(str(path)))
+        raise InputError(unknown_inertia(str(path)))
     return Plant(path.stem, models={SLEW: path.resolve()})
-
-
-def _unknown_inertia(what: str) -> str:
-    return (
-        f"plant {what}: does not say on which inertia number it was trained; import it with [inertia] in its"
-        " description, or take the project's number with --our-inertia"
-    )
 
 
 def _check_contract(path: Path, inputs: set[str], outputs: set[str]) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 from baselines import registry
 from baselines.registry import Controller
-from learning.policy.export import read
 from specs.errors import InputError
 from specs.progress import Report
 from verification.evaluation import policies
@@ -49,9 +48,9 @@ def everyone() -> list[Controller]:
 
 
 def task_of(texts: Sequence[str]) -> str:
-    """`slew` where all are policies of the slew alone, else `full`."""
+    """The task of the policies among these, `full` without one; InputError where they have several."""
     files = [Path(text) for text in texts if text.endswith(".onnx")]
-    return "slew" if files and {read(f).contract.task for f in files} == {"slew"} else "full"
+    return policies.task_of(files) if files else "full"
 
 
 def study(
@@ -91,8 +90,13 @@ def rows(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Iterator[list[
             cell = by_controller[c]
             names = ("overshoot", "overshoot_max", "error", "speed", "tool", "rest_peak_to_peak")
             values = [f"{cell[n]:.2f}" for n in (*names, "sign_changes")]
-            note = f"{100 * cell['outside']:.0f} % {FLAG}" if cell["flagged"] else ""
+            note = flag(cell) if cell["flagged"] else ""
             yield [c, plant, f"{100 * cell['missed_share']:.0f}", *values, note]
+
+
+def flag(cell: Mapping[str, Any]) -> str:
+    """What is said of figures that are flagged."""
+    return f"{100 * cell['outside_max']:.0f} % of a run {FLAG}"
 
 
 def failures(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:

@@ -97,6 +97,23 @@ class SlewNetwork:
                 f"the network was trained without {lacks}: it cannot stand in for the slew drive"
             )
 
+    def check_plant(self, name: str, our_inertia: bool = False) -> None:
+        """InputError, with the plant's name, unless the network can stand where the slew drive is.
+
+        One that does not say on which inertia number it was trained needs `our_inertia`: the project's.
+        """
+        self.check_whole()
+        if not all(np.isfinite(a).all() for a in self.numbers):
+            raise InputError(f"plant {name}: weights or statistics that are not finite numbers")
+        if self.inertia_map is None and not our_inertia:
+            raise InputError(unknown_inertia(name))
+
+    @property
+    def numbers(self) -> list[np.ndarray]:
+        """Weights and statistics of all members."""
+        nets = (*self.pressure, *self.velocity)
+        return [a for n in nets for a in (*n.weights, *n.biases, *(getattr(n, s) for s in NORMALISATION))]
+
     def outside(self, inertia: np.ndarray, u: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Which of n states lie where no training data was, bool [n]; False where that is not known.
 
@@ -222,6 +239,14 @@ class SlewNetwork:
 PARTS = ("pressure", "velocity")
 EXCHANGED = {"p_l": "p_r", "p_r": "p_l"}  # in the mirror image
 NORMALISATION = ("mean_in", "std_in", "mean_out", "std_out")
+
+
+def unknown_inertia(name: str) -> str:
+    """What is said of a plant that does not state its inertia number."""
+    return (
+        f"plant {name}: does not say on which inertia number it was trained; import it with [inertia] in its"
+        " description, or take the project's number with --our-inertia"
+    )
 
 
 def _on_ours(net: Mlp, scale: float, offset: float) -> Mlp:

@@ -289,11 +289,14 @@ def without_noise(recipe: Recipe) -> Recipe:
     return replace(recipe, random=Randomisation().off())
 
 
-def load_networks(paths: Sequence[Any]) -> list[SlewNetwork]:
-    """Slew networks from files; InputError names what is wrong with one."""
+def load_networks(paths: Sequence[Any], our_inertia: bool = False) -> list[SlewNetwork]:
+    """Slew networks from files; InputError names what is wrong with one.
+
+    One that does not say on which inertia number it was trained is refused without `our_inertia`.
+    """
     found = [SlewNetwork.load(path) for path in paths]
     for path, network in zip(paths, found, strict=True):
-        network.check_whole()
+        network.check_plant(str(path), our_inertia)
         for part in ("pressure", "velocity"):
             if (have := getattr(network, part)[0].sizes[0]) != INPUTS:
                 raise InputError(

@@ -109,7 +109,8 @@ def test_a_load_that_is_none_is_refused(load: str) -> None:
 def test_a_trial_out_of_the_trained_region_is_flagged() -> None:
     rows = _rows()
     for share, flagged in ((0.2, True), (0.01, False), (None, False)):
-        found = trial.figures([Ran(rows, [1.0], 3, 15.0, share)], "full")
+        ran = [Ran(rows, [1.0], 3, 15.0, share) for share in (share, share and 0.0, share and 0.0)]
+        found = trial.figures(ran + [ran[1]] * 2, "full")  # one run of five, whose mean share is small
         assert (found["flagged"], found["sign_changes"]) == (flagged, 0.2)
         told = next(iter(study.rows({"published": {"pd": found}})))[-1]
         assert bool(told) is flagged
@@ -151,7 +152,13 @@ def test_characters_tell_plants_apart(tmp_path: Path) -> None:
 # ---- the commands ----
 
 
-@pytest.mark.parametrize("words", [("tune", "pd"), ("compare",), ("evaluate", str(POLICY)), ("verify",)])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("tune", "pd"), ("compare",), ("evaluate", str(POLICY)), ("verify",), ("train", "policy"),
+        ("bundle", "pd", "--out", "none"),
+    ],
+)  # fmt: skip
 def test_our_inertia_without_a_plant_is_refused(words: tuple[str, ...], capsys: Any) -> None:
     assert entry.run([*words, "--our-inertia"]) == 2
     assert "--our-inertia needs --plant" in capsys.readouterr().err
@@ -195,6 +202,17 @@ def test_evaluate_on_a_plant_writes_its_keys(tmp_path: Path, capsys: Any) -> Non
     assert all(isinstance(found[key], float) for key in KEYS)
 
 
+def test_compare_on_plants_takes_a_task_and_a_pace(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    words = ["compare", "--controller", "pd", "--plants", "nominal", "--targets", "1", "--jobs", "1"]
+    assert entry.run([*words, "--task", "slew", "--pace", "0.5", "--json", str(out)]) == 0
+    found = json.loads(out.read_text())
+    assert (found["task"], found["pace"]) == ("slew", 0.5)
+    assert entry.run([*words, "--task", "slew", "--json", str(out)]) == 0
+    fast = json.loads(out.read_text())
+    assert found["plants"]["nominal"]["pd"]["speed"] < fast["plants"]["nominal"]["pd"]["speed"]
+
+
 def test_compare_on_plants_is_one_table(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
     asked = ["--plants", "nominal", "--plants", "published-mirror", "--targets", "1", "--jobs", "1"]
@@ -210,7 +228,14 @@ def test_compare_on_plants_is_one_table(tmp_path: Path) -> None:
         ["evaluate", str(POLICY), "--plant", "publisht"],
         ["evaluate", str(POLICY), "--plant", "published", "--machines", "3"],
         ["evaluate", str(POLICY), "--plant", "published", "--load", "empty", "--load", "2t"],
+        ["evaluate", str(POLICY), "--plant", "published", "--draws", "tuning"],
+        ["evaluate", str(POLICY), str(POLICY.with_name("slew.onnx")), "--plant", "published"],
         ["compare", "--plants", "nothing"],
+        ["compare", "--plants", "published", "--machines", "2"],
+        ["compare", "--plants", "published", "--sweeps"],
+        ["compare", "--plants", "published", "--task", "slew", "--task", "full"],
+        ["compare", "--plants", "published", "--pace", "0.5", "--pace", "0.7"],
+        ["verify", "--plant", "published", "--readme", str(ROOT / "README.md")],
         ["verify", "--plant", "published", "--system", "nominal"],
         ["verify", "--plant", "nothing"],
     ],
@@ -220,11 +245,22 @@ def test_wrong_words_end_with_2(words: list[str], capsys: Any) -> None:
     assert "slewright: " in capsys.readouterr().err
 
 
-def test_verify_runs_on_a_plant(tmp_path: Path) -> None:
-    out = tmp_path / "figures.json"
-    words = ["--plant", "published", "--controller", "pd", "--scenario", "four_targets_empty"]
-    code = entry.run(["verify", *words, "--out", str(tmp_path / "out"), "--json", str(out)])
-    assert code in (0, 1)
-    found = json.loads(out.read_text())
-    assert found["plant"] == "published"
-    assert found["outside"] == {"four_targets_empty": 0.0}
+def test_verify_runs_on_a_plant(tmp_path: Path, capsys: Any) -> None:
+    """Report and figures say which plant it was, and where it left its trained region."""
+    published = SlewNetwork.load(ROOT / "fmus" / "models" / "slew_published" / "weights.npz")
+    replace(published, region={"omega": (-0.1, 0.1)}).save(tmp_path / "narrow.npz")
+    for text, name in (("published", "published"), (str(tmp_path / "narrow.npz"), "narrow")):
+        out = tmp_path / f"{name}.json"
+        words = ["--plant", text, "--controller", "pd", "--scenario", "four_targets_empty"]
+        code = entry.run(["verify", *words, "--out", str(tmp_path / name), "--json", str(out)])
+        assert code in (0, 1)
+        found = json.loads(out.read_text())
+        metrics = json.loads((tmp_path / name / "metrics.json").read_text())
+        assert (found["plant"], metrics["plant"]) == (text, name)
+        left = found["outside"]["four_targets_empty"]
+        warned = "out of the region that narrow was trained on"
+        assert (left > 0.05) is (name == "narrow")
+        report = (tmp_path / name / "report.html").read_text()
+        assert f"--plant {name}" in report
+        for said in (capsys.readouterr().err, report):
+            assert (warned in said) is (name == "narrow")
