@@ -6,7 +6,7 @@ from typing import Any
 
 from baselines import registry
 from baselines.registry import Controller
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 from specs.progress import Report
 from verification.evaluation import policies
 from verification.evaluation.policies import SHIPPED
@@ -68,7 +68,11 @@ def study(
     ran = trial.run([j for made in jobs.values() for j in made], workers, report)
     found: dict[str, Any] = {plant.name: {} for plant in on}
     for (plant_name, controller), made in jobs.items():
-        found[plant_name][controller] = trial.figures([next(ran) for _ in made], asked.task)
+        try:
+            done = [next(ran) for _ in made]
+        except RunError as error:
+            raise RunError(f"{controller} on {plant_name}: {error}") from error
+        found[plant_name][controller] = trial.figures(done, asked.task)
     return found
 
 

@@ -89,20 +89,22 @@ class SlewNetwork:
         """Whether the slew inertia is an input."""
         return self.velocity[0].sizes[0] % HISTORY == 1
 
-    def check_whole(self) -> None:
+    def check_whole(self, name: str = "the network") -> None:
         """InputError unless the networks have all inputs of the paper's: only such become an FMU or ONNX."""
         if not (self.pressure and self.sees_inertia):
             lacks = "pressure" if not self.pressure else "inertia"
-            raise InputError(
-                f"the network was trained without {lacks}: it cannot stand in for the slew drive"
-            )
+            raise InputError(f"{name} was trained without {lacks}: it cannot stand in for the slew drive")
+        for part in PARTS:
+            for have in (net.sizes[0] for net in getattr(self, part) if net.sizes[0] != INPUTS):
+                told = f"with a history of {HISTORY} it has {INPUTS}"
+                raise InputError(f"{name}: a {part} network of {have} inputs; {told}")
 
     def check_plant(self, name: str, our_inertia: bool = False) -> None:
         """InputError, with the plant's name, unless the network can stand where the slew drive is.
 
         One that does not say on which inertia number it was trained needs `our_inertia`: the project's.
         """
-        self.check_whole()
+        self.check_whole(f"plant {name}")
         if not all(np.isfinite(a).all() for a in self.numbers):
             raise InputError(f"plant {name}: weights or statistics that are not finite numbers")
         if self.inertia_map is None and not our_inertia:
@@ -231,7 +233,9 @@ class SlewNetwork:
             )  # fmt: skip
         except FileNotFoundError:
             raise InputError(f"there is no slew network at {path}") from None
-        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        except KeyError as error:
+            raise InputError(f"{path} is damaged or not a slew network: it lacks {error}") from None
+        except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile) as error:
             raise InputError(f"{path} is damaged or not a slew network: {error}") from None
         return made
 

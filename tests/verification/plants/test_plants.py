@@ -15,7 +15,7 @@ from fmus.models.slew_nn.network import SlewNetwork
 from fmus.models.slew_nn.untrained import untrained
 from slewright import __main__ as entry
 from specs import systems
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 from tests.conftest import ROOT
 from verification.plants import page as pages, plant, study, trial
 from verification.plants.plant import find, of_network as plant_of
@@ -60,11 +60,16 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
     (net,) = untrained(1).velocity
     broken = replace(net, weights=(np.full_like(net.weights[0], np.nan), *net.weights[1:]))
     replace(untrained(1), velocity=(broken,)).save(tmp_path / "nan.npz")
+    short = replace(net, weights=(net.weights[0][:, 10:], *net.weights[1:]), mean_in=net.mean_in[10:])
+    replace(untrained(1), velocity=(short,)).save(tmp_path / "short.npz")
+    np.savez(tmp_path / "other.npz", a=np.ones(3))
     (tmp_path / "noise.fmu").write_bytes(b"no FMU")
     (tmp_path / "empty").mkdir()
     for text, said in {
         str(tmp_path / "no_inertia.npz"): "--our-inertia",
         str(tmp_path / "nan.npz"): "not finite",
+        str(tmp_path / "short.npz"): "plant short: a velocity network of 31 inputs; .* 41",
+        str(tmp_path / "other.npz"): "not a slew network: it lacks 'head'",
         str(tmp_path / "noise.fmu"): "noise.fmu",
         str(tmp_path / "empty"): "valid: a .npz file, an FMU, a folder",
         str(ROOT / "fmus" / "models" / "tool"): "no slew drive of this machine: it lacks",
@@ -114,6 +119,14 @@ def test_a_trial_out_of_the_trained_region_is_flagged() -> None:
         assert (found["flagged"], found["sign_changes"]) == (flagged, 0.2)
         told = next(iter(study.rows({"published": {"pd": found}})))[-1]
         assert bool(told) is flagged
+
+
+def test_a_plant_that_runs_away_is_named() -> None:
+    (net,) = untrained(1).velocity
+    wild = replace(net, weights=(*net.weights[:-1], 1e4 * net.weights[-1]))
+    on = plant_of(replace(untrained(1), velocity=(wild,)), "wild")
+    with pytest.raises(RunError, match=r"pd on wild: .*not a finite number"):
+        study.study(study.find_controllers(["pd"]), [on], Trial(targets=1), 1, lambda *said: None)
 
 
 def _rows() -> list[Any]:
