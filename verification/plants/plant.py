@@ -60,12 +60,19 @@ def find(text: str, our_inertia: bool = False, also: Sequence[str] = ()) -> Plan
     if not path.exists():
         valid = nearest(text, [*names(), *also])
         raise InputError(f"no plant '{text}': {valid}, or a .npz file, FMU or folder")
+    found = _of_path(path, our_inertia)
+    if found.name in OURS:
+        raise InputError(f"{path}: one of the project's plants is called {found.name}; give it another name")
+    return found
+
+
+def _of_path(path: Path, our_inertia: bool) -> Plant:
     if path.suffix == ".fmu":
         return _of_fmu(path, our_inertia)
     weights = path / "weights.npz" if path.is_dir() else path
     if weights.suffix == ".npz" and weights.is_file():
-        named = weights.absolute().parent if weights.name == "weights.npz" else weights
-        return of_network(SlewNetwork.load(weights), named.stem, our_inertia)
+        name = weights.absolute().parent.name if weights.name == "weights.npz" else weights.stem
+        return of_network(SlewNetwork.load(weights), name, our_inertia)
     if (path / "model.py").is_file():
         model = load_model(path)
         _check_contract(path, {v.name for v in model.inputs}, {v.name for v in model.outputs})

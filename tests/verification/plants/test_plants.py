@@ -53,6 +53,10 @@ def test_a_plant_from_a_file_or_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="two plants called 'same'"):
         study.find_plants([str(tmp_path / "b" / "same.npz"), str(tmp_path / "same.npz")])
     assert find(str(ROOT / "fmus" / "models" / "slew")).network is None
+    for name in ("gain1.1", "gain1.2"):
+        (tmp_path / name).mkdir()
+        network.save(tmp_path / name / "weights.npz")
+        assert find(str(tmp_path / name)).name == name
 
 
 def test_strangers_are_refused(tmp_path: Path) -> None:
@@ -63,6 +67,7 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
     short = replace(net, weights=(net.weights[0][:, 10:], *net.weights[1:]), mean_in=net.mean_in[10:])
     replace(untrained(1), velocity=(short,)).save(tmp_path / "short.npz")
     np.savez(tmp_path / "other.npz", a=np.ones(3))
+    untrained(1).save(tmp_path / "published.npz")
     (tmp_path / "noise.fmu").write_bytes(b"no FMU")
     (tmp_path / "empty").mkdir()
     for text, said in {
@@ -70,6 +75,7 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
         str(tmp_path / "nan.npz"): "not finite",
         str(tmp_path / "short.npz"): "plant short: a velocity network of 31 inputs; .* 41",
         str(tmp_path / "other.npz"): "not a slew network: it lacks 'head'",
+        str(tmp_path / "published.npz"): "one of the project's plants is called published",
         str(tmp_path / "noise.fmu"): "noise.fmu",
         str(tmp_path / "empty"): "valid: a .npz file, an FMU, a folder",
         str(ROOT / "fmus" / "models" / "tool"): "no slew drive of this machine: it lacks",
