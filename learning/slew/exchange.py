@@ -17,6 +17,7 @@ import numpy as np
 from fmus.models.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetwork
 from learning.slew import description as described
 from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Inertia, Part
+from records.figures_file import make_folder
 from specs.errors import InputError
 
 WRAPPERS = ("state_dict", "model_state_dict", "model")  # under which training scripts put a state dict
@@ -87,7 +88,7 @@ def to_onnx(network: SlewNetwork, folder: Path) -> list[Path]:
         "step.onnx": step_model(network).SerializeToString(deterministic=True),
         "slew.toml": _description(network).encode(),
     }
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for name, data in content.items():
         part = folder / f".{name}.part"
         part.write_bytes(data)

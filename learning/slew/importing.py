@@ -112,14 +112,11 @@ def bring(
 
 
 def _with_region(network: SlewNetwork) -> SlewNetwork:
-    """A network without a stated region has that of its statistics: two deviations about the mean."""
-    if network.region:
-        return network
+    """A quantity without a stated range has that of its statistics: two deviations about the mean."""
     net = network.velocity[0]
     at = {"inertia": -1, "omega": 3 * HISTORY}
-    region = {
-        name: (net.mean_in[k] - WIDTH * net.std_in[k], net.mean_in[k] + WIDTH * net.std_in[k])
+    known = {
+        name: (float(net.mean_in[k] - WIDTH * net.std_in[k]), float(net.mean_in[k] + WIDTH * net.std_in[k]))
         for name, k in at.items()
     }
-    region = {name: (float(low), float(high)) for name, (low, high) in region.items()}
-    return replace(network, region={"u": (-1.0, 1.0), **region})
+    return replace(network, region={"u": (-1.0, 1.0), **known, **network.region})

@@ -163,7 +163,7 @@ class SlewNetwork:
     def mirrored(self) -> "SlewNetwork":
         """The network of the mirror image: joystick and speed negated, chambers exchanged."""
         parts = {part: tuple(_mirror_image(n) for n in getattr(self, part)) for part in PARTS}
-        region = {name: self.region[EXCHANGED.get(name, name)] for name in self.region}
+        region = {EXCHANGED.get(name, name): limits for name, limits in self.region.items()}
         for name in {"u", "omega"} & {*region}:
             region[name] = (-region[name][1], -region[name][0])
         visited = None if self.visited is None else self.visited[:, ::-1, ::-1]

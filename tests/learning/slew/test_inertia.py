@@ -1,5 +1,6 @@
 """Networks trained on another inertia number than the project's, and those of the paper's authors."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -115,6 +116,11 @@ def test_the_published_networks_fit_their_traces_and_know_their_region() -> None
     assert found.outside == 0.0
     told = trajectories(traces.FOLDER / "bump_I250.csv")  # their number taken for the project's
     assert accept(network, told).network.velocity_mae > 0.5
+
+
+def test_the_mirror_image_of_a_region_that_names_one_chamber() -> None:
+    network = replace(untrained(1), region={"p_l": (1e5, 2e7), "omega": (-0.3, 0.5)})
+    assert network.mirrored().region == {"p_r": (1e5, 2e7), "omega": (-0.5, 0.3)}
 
 
 def test_a_stated_region_tells_what_is_outside() -> None:
