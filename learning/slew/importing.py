@@ -61,6 +61,12 @@ class Imported:
                 "no [inertia] in the description: as a plant it is refused, or takes the project's inertia "
                 "number with --our-inertia"
             )
+        if self.found.inertia:
+            factor, share = self.found.inertia
+            yield (
+                f"10 s errors are {share:.0%} of those as described with the inertia times {factor:.3g}: "
+                "wrong [inertia] in the description?"
+            )
         if self.found.worthless:
             yield "no better than a speed that does not change"
         outside = self.found.outside
@@ -77,6 +83,7 @@ class Imported:
             "windows": len(found.network.velocity),
             "outside": found.outside,
             "inertia": network.meta.get("inertia"),
+            "inertia_factor": found.inertia[0] if found.inertia else None,
             "region": dict(network.region),
             "layers": {
                 "pressure": [list(net.sizes) for net in network.pressure],
