@@ -61,12 +61,24 @@ def on_plant(texts: Sequence[str], plant: str, our_inertia: bool, asked: Asked, 
 
     on = study.find_plants([plant], our_inertia)
     task = study.task_of(texts)
+    warn_of_ranges(texts, asked)
     found = tried(study.find_controllers(texts), on, task, asked)
     by_controller = {c: cell for cells in found.values() for c, cell in cells.items()}
     first = next(iter(by_controller.values()))
     own = first if len(by_controller) == 1 else {"controllers": by_controller}
     more = {"plant": plant, "load": asked.load, "task": task, "policy": list(texts)}
     write(json, {**own, **more}, asked.seed)
+
+
+def warn_of_ranges(texts: Sequence[str], asked: Asked) -> None:
+    """Say what of the trial lies outside the trained ranges of the policies among these controllers."""
+    from verification.evaluation import training_range
+    from verification.plants.trial import load_of
+
+    pace, load = 1.0 if asked.pace is None else asked.pace, load_of(asked.load)
+    for text in texts:
+        for said in training_range.on_plants(Path(text), pace, load) if text.endswith(".onnx") else ():
+            typer.echo(f"slewright: warning: {said}", err=True)
 
 
 def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked) -> Any:

@@ -19,6 +19,7 @@ from slewright.plants import (
     check_excluded,
     check_inertia,
     tried,
+    warn_of_ranges,
 )
 from slewright.progress import progress
 from slewright.sealed import SealedOption
@@ -183,6 +184,7 @@ def _on_plants(
     controllers = study.find_controllers(texts) if texts else study.everyone()
     controllers = from_files.apply_all(controllers, gains)
     task = wanted.value if wanted else study.task_of(texts)
+    warn_of_ranges(texts, asked)
     found = tried(controllers, on, task, asked)
     figures = {"plants": found, "worst": study.worst(found), "task": task, "targets": asked.targets}
     write(json, {**figures, "load": asked.load, "pace": asked.pace}, asked.seed)
