@@ -12,7 +12,7 @@ from verification.evaluation import policies
 from verification.evaluation.policies import SHIPPED
 from verification.plants import plant as plants, trial
 from verification.plants.plant import Plant
-from verification.plants.trial import Job, Trial
+from verification.plants.trial import MOST_OUTSIDE, Job, Trial
 
 ALL = "all"
 COLUMNS = (
@@ -104,11 +104,15 @@ def flag(cell: Mapping[str, Any]) -> str:
 
 
 def failures(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
-    """A sentence for each plant on which a controller does what it may not."""
-    return [
-        f"{controller} on {plant}: {what} {form.format(cell[key])}, at most {form.format(most)}"
-        for plant, cells in found.items()
-        for controller, cell in cells.items()
-        for key, (most, what, form) in MOST.items()
-        if cell[key] > most
-    ]
+    """A sentence for each plant on which a controller does what it may not, or whose figures say nothing."""
+    said = []
+    for plant, cells in found.items():
+        for controller, cell in cells.items():
+            where = f"{controller} on {plant}"
+            said += [
+                f"{where}: {what} {form.format(cell[key])}, at most {form.format(most)}"
+                for key, (most, what, form) in MOST.items()
+                if cell[key] > most
+            ]
+            said += [f"{where}: {flag(cell)}, at most {MOST_OUTSIDE:.0%}"] if cell["flagged"] else []
+    return said

@@ -144,10 +144,12 @@ def _rows() -> list[Any]:
 def test_a_controller_fails_where_it_misses_or_overshoots() -> None:
     (good,) = _figures()
     bad = {**good, "missed_share": 0.5, "overshoot": 3.0}
-    found = study.failures({"nominal": {"pd": good}, "published": {"pd": bad}})
+    unknown = {**good, "flagged": True, "outside_max": 0.2}
+    found = study.failures({"nominal": {"pd": good}, "published": {"pd": bad}, "mine": {"pd": unknown}})
     assert found == [
         "pd on published: targets missed 50%, at most 1%",
         "pd on published: mean overshoot 3.0°, at most 2.0°",
+        "pd on mine: 20 % of a run out of the trained region, at most 5%",
     ]
 
 
