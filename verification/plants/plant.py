@@ -104,9 +104,14 @@ def _of_fmu(path: Path, our_inertia: bool) -> Plant:
     variables = parse(content, str(path)).variables.values()
     inputs, outputs = ({v.name for v in variables if v.causality == side} for side in ("input", "output"))
     _check_contract(path, inputs, outputs)
-    ours = built_here(hashlib.sha256(path.read_bytes()).hexdigest())
-    if not (ours and INERTIA_UNKNOWN.encode() not in content) and not our_inertia:
-        raise InputError(unknown_inertia(str(path)))
+    if not our_inertia:
+        if INERTIA_UNKNOWN.encode() in content:
+            raise InputError(unknown_inertia(str(path)))
+        if not built_here(hashlib.sha256(path.read_bytes()).hexdigest()):
+            raise InputError(
+                f"plant {path}: nothing says which slew inertia an FMU that was not built here takes; "
+                "--our-inertia gives it the project's"
+            )
     return Plant(path.stem, models={SLEW: path.resolve()})
 
 

@@ -1,6 +1,7 @@
 """Plants: found by name, file or folder, refused where they are none, and trials on them."""
 
 import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from fmus.models.slew_nn.fmu import write_folder
 from fmus.models.slew_nn.model import of_network
 from fmus.models.slew_nn.network import SlewNetwork
 from fmus.models.slew_nn.untrained import untrained
+from fmus.toolchain.build import build_fmu
 from slewright import __main__ as entry
 from specs import systems
 from specs.errors import InputError, RunError
@@ -89,6 +91,18 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
 def test_an_fmu_says_whether_its_inertia_is_known() -> None:
     assert plant.INERTIA_UNKNOWN in of_network(stranger()).description
     assert plant.INERTIA_UNKNOWN not in of_network(untrained(1)).description
+
+
+def test_an_fmu_of_someone_else_takes_the_projects_inertia_when_that_is_asked_for(tmp_path: Path) -> None:
+    own, foreign = tmp_path / "own.fmu", tmp_path / "foreign.fmu"
+    for path in (own, foreign):
+        path.write_bytes(build_fmu("slew", 2).read_bytes())
+    with zipfile.ZipFile(foreign, "a") as archive:
+        archive.writestr("resources/note.txt", "not built here")
+    assert find(str(own)).name == "own"
+    with pytest.raises(InputError, match=r"foreign\.fmu: nothing says which slew inertia .*--our-inertia"):
+        find(str(foreign))
+    assert find(str(foreign), our_inertia=True).name == "foreign"
 
 
 def test_a_network_run_ahead_is_written_so(tmp_path: Path) -> None:
