@@ -38,12 +38,15 @@ class Asked:
     jobs: int
 
 
-def check_excluded(given: Mapping[str, object], loads: Sequence[str] | None) -> None:
-    """Refuse options that say something about drawn machines, and more than one load."""
+def check_excluded(
+    given: Mapping[str, object], single: Mapping[str, Sequence[object] | None], option: str = "--plant"
+) -> None:
+    """Refuse options that say something about drawn machines, and several values where one is meant."""
     if wrong := [name for name, value in given.items() if value]:
-        raise InputError(f"--plant excludes {', '.join(wrong)}")
-    if loads and len(loads) > 1:
-        raise InputError(f"--load {', '.join(loads)}: one load with --plant")
+        raise InputError(f"{option} excludes {', '.join(wrong)}")
+    for name, values in single.items():
+        if values and len(values) > 1:
+            raise InputError(f"{name} {', '.join(map(str, values))}: one {name[2:]} with {option}")
 
 
 def check_inertia(our_inertia: bool, plant: object, option: str = "--plant") -> None:
@@ -57,7 +60,9 @@ def on_plant(texts: Sequence[str], plant: str, our_inertia: bool, asked: Asked, 
     from verification.plants import study
 
     on = study.find_plants([plant], our_inertia)
-    found, task = tried(study.find_controllers(texts), on, study.task_of(texts), asked)
+    task = study.task_of(texts)
+    warn_of_ranges(texts, asked)
+    found = tried(study.find_controllers(texts), on, task, asked)
     by_controller = {c: cell for cells in found.values() for c, cell in cells.items()}
     first = next(iter(by_controller.values()))
     own = first if len(by_controller) == 1 else {"controllers": by_controller}
@@ -65,8 +70,19 @@ def on_plant(texts: Sequence[str], plant: str, our_inertia: bool, asked: Asked, 
     write(json, {**own, **more}, asked.seed)
 
 
-def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked) -> tuple[Any, str]:
-    """(plant -> controller -> figures, task), shown as a table."""
+def warn_of_ranges(texts: Sequence[str], asked: Asked) -> None:
+    """Say what of the trial lies outside the trained ranges of the policies among these controllers."""
+    from verification.evaluation import training_range
+    from verification.plants.trial import load_of
+
+    pace, load = 1.0 if asked.pace is None else asked.pace, load_of(asked.load)
+    for text in texts:
+        for said in training_range.on_plants(Path(text), pace, load) if text.endswith(".onnx") else ():
+            typer.echo(f"slewright: warning: {said}", err=True)
+
+
+def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked) -> Any:
+    """plant -> controller -> figures, shown as a table."""
     from verification.plants import study
     from verification.plants.trial import Trial
 
@@ -80,21 +96,22 @@ def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked
     for plant, cells in found.items():
         for c, cell in cells.items():
             if cell["flagged"]:
-                share = 100 * cell["outside"]
-                typer.echo(
-                    f"slewright: warning: {c} on {plant}: {share:.0f} % {study.FLAG}: no physics", err=True
-                )
-    return found, task
+                said = f"slewright: warning: {c} on {plant}: {study.flag(cell)}: no physics"
+                typer.echo(said, err=True)
+    return found
 
 
-def admission(controller: str, plants: Sequence[str]) -> tuple[dict[str, bytes], list[str]]:
+def admission(
+    controller: str, plants: Sequence[str], our_inertia: bool = False
+) -> tuple[dict[str, bytes], list[str]]:
     """({file of a bundle: content}, where the controller fails): a table over plants, unknown load."""
     from baselines.margins.coverage import TABLE
     from verification.plants import drives, study
 
-    on = study.find_plants(plants)
+    on = study.find_plants(plants, our_inertia)
     asked = Asked(ADMISSION_TARGETS, 1, "unknown", None, os.cpu_count() or 1)
-    found, task = tried(study.find_controllers([controller]), on, study.task_of([controller]), asked)
+    task = study.task_of([controller])
+    found = tried(study.find_controllers([controller]), on, task, asked)
     failures = {plant: study.failures({plant: cells}) for plant, cells in found.items()}
     with progress("drives") as report:
         known = drives.drives(on, report)

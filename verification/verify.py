@@ -20,6 +20,8 @@ from specs.errors import InputError
 from specs.progress import Report
 from specs.scenario import Scenario
 from specs.version import VERSION
+from verification.plants.plant import Plant
+from verification.plants.trial import MOST_OUTSIDE, outside
 from verification.runs import SLOT, Job, check_interventions, check_reach, replacement, run_all
 
 SHIPPED = "policy"  # every controller is held to the limits of the one that ships
@@ -33,14 +35,14 @@ class Controller:
     models    model folders that take the place of the systems' own; without one for the controller it is a PI
     settings  values of parameters: "component.parameter" -> value
     packages  systems that are packed already, by name
-    plant     models in the place of parts of the machine, by the name that the systems know them by
+    plant     what it drives in the place of the nominal system's own machine
     """
 
     name: str = SLOT
     models: Sequence[Path] = ()
     settings: Mapping[str, float] = field(default_factory=dict)
     packages: Mapping[str, Path] = field(default_factory=dict)
-    plant: Mapping[str, Path] = field(default_factory=dict)
+    plant: Plant | None = None
 
 
 PI = Controller()
@@ -76,23 +78,41 @@ class Verification:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A controller's verification, those of the controllers beside it, and where the report is."""
+    """A controller's verification, those of the controllers beside it, where the report is, and the plant."""
 
     own: Verification
     beside: Sequence[Verification]
     report: Path
+    plant: Plant | None = None
 
     @property
     def figures(self) -> dict[str, Any]:
         """What `--json` writes; only the verified controller decides whether it is accepted."""
         found = {v.controller: v.figures for v in (self.own, *self.beside)}
-        return {"accepted": self.own.accepted, "comparison": self.comparison, "controllers": found}
+        figures = {"accepted": self.own.accepted, "comparison": self.comparison, "controllers": found}
+        return figures | ({"plant": self.plant.name, "outside": self.outside} if self.plant else {})
 
     @property
     def comparison(self) -> list[str]:
         """A sentence for each controller beside it: which is better, and by how much."""
         name, mine = self.own.controller, self.own.totals
         return [compared.sentence(name, mine, v.controller, v.totals) for v in self.beside]
+
+    @property
+    def outside(self) -> dict[str, float | None]:
+        """Scenario -> share of its run out of the region that the plant was trained on, if that is known."""
+        if self.plant is None:
+            return {}
+        return {s: outside(self.plant.network, runs[self.plant.system]) for s, runs in self.own.runs.items()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for each run whose figures are no physics."""
+        return [
+            f"{name}: {100 * share:.0f} % out of the region that {self.plant.name} was trained on: no physics"
+            for name, share in self.outside.items()
+            if self.plant and share is not None and share > MOST_OUTSIDE
+        ]
 
 
 def verify(
@@ -123,7 +143,9 @@ def verify(
     rates = run_all([job for made in planned.values() for job in made], jobs, report)
     report("writing the report")
     found = [_verified(name, made, rates) for name, made in planned.items()]
-    return write(found, seed, out, "slewright verify" + (f" --seed {seed}" if seed != 1 else ""))
+    words = [f" --plant {controller.plant.name}"] if controller.plant else []
+    words += [f" --seed {seed}"] if seed != 1 else []
+    return write(found, seed, out, "slewright verify" + "".join(words), controller.plant)
 
 
 def _jobs(
@@ -136,7 +158,7 @@ def _jobs(
 ) -> Iterator[Job]:
     """The runs of a controller; its systems are packed and checked first."""
     replaced = {name: path for m in controller.models for name, path in replacement(m, systems).items()}
-    replaced |= controller.plant
+    replaced |= controller.plant.models if controller.plant else {}
     _make_folder(out / "records")
     for system in systems:
         report(f"building {system}")
@@ -191,22 +213,26 @@ def judge(
     return Verification(name, runs, verdicts, factors)
 
 
-def write(found: Sequence[Verification], seed: int, out: Path, command: str) -> Outcome:
+def write(
+    found: Sequence[Verification], seed: int, out: Path, command: str, plant: Plant | None = None
+) -> Outcome:
     """Write report.html and metrics.json of the first controller, with the others beside it.
 
     `command` is what the report says it was made by.
     """
     own, *beside = found
-    outcome = Outcome(own, beside, out / "report.html")
+    outcome = Outcome(own, beside, out / "report.html", plant)
     versions = {"slewright": VERSION}
     context = Context(
         controller=own.controller,
+        plant=plant.name if plant else "",
         command=command,
         seed=seed,
         realtime_factor=own.realtime_factor,
         versions=versions,
         beside={v.controller: (results.evaluate(v.runs), v.verdicts) for v in beside},
         comparison=outcome.comparison,
+        notes=outcome.warnings,
     )
     write_report(outcome.report, own.runs, own.verdicts, context)
     results.write_figures(out / "metrics.json", {**outcome.figures, "seed": seed, "versions": versions})

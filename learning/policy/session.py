@@ -49,7 +49,8 @@ class Options:
     seed: int = 1
     budget: str = "full"
     networks: tuple[Path, ...] = ()
-    plant: str = ""  # of PLANTS, in the place of networks
+    plant: str = ""  # of PLANTS, or what `slewright import slew` wrote, in the place of networks
+    our_inertia: bool = False  # for networks that do not say on which inertia number they were trained
     out: Path = Path("out/train-policy")
     changed: Mapping[str, Any] = field(default_factory=dict)
     device: str = "auto"  # of DEVICES
@@ -71,12 +72,12 @@ class Options:
         return found
 
     def drives(self, chosen: Recipe) -> tuple[Path, ...]:
-        """The slew networks; InputError for a plant that is none, or beside networks."""
-        if self.plant and self.plant not in PLANTS:
-            raise InputError(f"no plant '{self.plant}' to train on; valid: {', '.join(PLANTS)}")
+        """The slew networks; InputError for a plant that has none, or beside networks."""
         if self.plant and self.networks:
             raise InputError(f"--plant {self.plant} excludes --networks")
-        return self.networks or PLANTS.get(self.plant) or (FAMILY if chosen.family else NETWORKS)
+        if self.plant:
+            return PLANTS.get(self.plant) or (_weights(self.plant),)
+        return self.networks or (FAMILY if chosen.family else NETWORKS)
 
     @property
     def command(self) -> str:
@@ -86,8 +87,21 @@ class Options:
         words += [f"--device {self.device}"] if self.device != "auto" else []
         words += [f"--plant {self.plant}"] if self.plant else []
         words += [f"--networks {path}" for path in self.networks]
+        words += ["--our-inertia"] if self.our_inertia else []
         words += [f"--set {text}" for text in _settings(self.changed)]
         return "slewright train policy " + " ".join(words)
+
+
+def _weights(plant: str) -> Path:
+    """The weights of a plant from a file or folder."""
+    path = Path(plant)
+    path = path / "weights.npz" if path.is_dir() else path
+    if path.suffix != ".npz" or not path.is_file():
+        raise InputError(
+            f"no plant '{plant}' to train on: its slew drive must be networks; valid: {', '.join(PLANTS)}, "
+            "or a .npz file or folder that slewright import slew wrote"
+        )
+    return path
 
 
 def _settings(changed: Mapping[str, Any], group: str = "") -> list[str]:
@@ -133,7 +147,8 @@ def run(options: Options, report: Report) -> dict[str, Any]:
         raise InputError(f"envs = {chosen.envs}: valid is from {len(paths)}, one machine a slew network")
     data, commit = digest(paths), source_state()
     out = _folder(options.out)
-    trainer = make_trainer(chosen, paths, options.seed, device_of(options.device, chosen))
+    device = device_of(options.device, chosen)
+    trainer = make_trainer(chosen, paths, options.seed, device, options.our_inertia)
     training = Training(trainer, options.seed, out / checkpoint.NAME, data)
     training.resume()
     began = trainer.done
@@ -166,10 +181,12 @@ def device_of(told: str, chosen: Recipe) -> str:
     return "cuda" if able and (told == "cuda" or chosen.method == "ppo") else "cpu"
 
 
-def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> Any:
+def make_trainer(
+    chosen: Recipe, paths: Any, seed: int, device: str = "cpu", our_inertia: bool = False
+) -> Any:
     """The trainer of a recipe's method on slew networks from files."""
     torch.set_num_threads(1)
-    networks = load_networks(paths)
+    networks = load_networks(paths, our_inertia)
     trainer = _made(chosen, networks, seed, device)
     if not chosen.family:
         trainer.sources = [str(path) for path in paths]

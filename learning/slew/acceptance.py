@@ -24,6 +24,8 @@ FAR = 6.0  # deviations from a stated mean: beyond, data and statistics are of d
 MOST_FAR = 0.05  # share of samples beyond: a pressure peak is not a wrong unit
 TURNED = 0.5  # with a channel turned, an error this much smaller says that its sense is wrong
 STRETCH = (0.7, 1.4)  # of the joystick, in which a better full scale is looked for
+OTHER_INERTIA = (0.5, 2.0)  # of the inertia, in which a better number is looked for
+SEARCH = {"xatol": 0.002, "maxiter": 20}
 SIGNALS = {"u": "u_slew", "p_l": "p_slew_b", "p_r": "p_slew_a", "omega": "qd_slew", "inertia": "inertia"}
 SENSES: dict[str, Callable[[Trajectory], Trajectory]] = {
     "channel u turned round": lambda t: replace(t, u=-t.u),
@@ -39,6 +41,7 @@ class Acceptance:
     network: Score
     held: Score
     outside: float | None  # share of samples where the network had no training data, if that is known
+    inertia: tuple[float, float] | None = None  # factor with which the errors are this share of those as told
 
     @property
     def worthless(self) -> bool:
@@ -74,7 +77,8 @@ def accept(network: SlewNetwork, recording: Sequence[Trajectory]) -> Acceptance:
         )
     _check_senses(network, recording)
     _check_scale(network, recording)
-    return Acceptance(found, score(_held, cut), _outside(network, recording))
+    inertia = _better(network, recording, "inertia", OTHER_INERTIA)
+    return Acceptance(found, score(_held, cut), _outside(network, recording), inertia)
 
 
 def _check_plausible(name: str, net: Mlp) -> None:
@@ -128,16 +132,25 @@ def _check_senses(network: SlewNetwork, recording: Sequence[Trajectory]) -> None
 
 def _check_scale(network: SlewNetwork, recording: Sequence[Trajectory]) -> None:
     """A network that does far better with the joystick stretched was given another full scale."""
-
-    def error(stretch: float) -> float:
-        return float(_mismatch(network, [replace(t, u=stretch * t.u) for t in recording]).sum())
-
-    found = minimize_scalar(error, bounds=STRETCH, method="bounded", options={"xatol": 0.002, "maxiter": 20})
-    if found.fun < TURNED * error(1.0):
+    if found := _better(network, recording, "u", STRETCH):
+        factor, share = found
         raise InputError(
-            f"10 s errors of pressures and speed are {found.fun / error(1.0):.0%} of those as described with "
-            f"channel u times {found.x:.3g}: wrong full scale of the joystick?"
+            f"10 s errors of pressures and speed are {share:.0%} of those as described with "
+            f"channel u times {factor:.3g}: wrong full scale of the joystick?"
         )
+
+
+def _better(
+    network: SlewNetwork, recording: Sequence[Trajectory], channel: str, bounds: tuple[float, float]
+) -> tuple[float, float] | None:
+    """(factor of a channel, share of the errors that are left with it), where that is far less than all."""
+
+    def error(factor: float) -> float:
+        stretched = [replace(t, **{channel: factor * getattr(t, channel)}) for t in recording]
+        return float(_mismatch(network, stretched).sum())
+
+    found, told = minimize_scalar(error, bounds=bounds, method="bounded", options=SEARCH), error(1.0)
+    return (float(found.x), found.fun / told) if found.fun < TURNED * told else None
 
 
 def _mismatch(network: SlewNetwork, recording: Sequence[Trajectory]) -> np.ndarray:

@@ -6,6 +6,7 @@ SlewNetwork in SI: scales and turned channels go into means, deviations and weig
 """
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 from fmus.models.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetwork
 from learning.slew import description as described
 from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Inertia, Part
+from records.figures_file import make_folder
 from specs.errors import InputError
 
 WRAPPERS = ("state_dict", "model_state_dict", "model")  # under which training scripts put a state dict
@@ -86,7 +88,7 @@ def to_onnx(network: SlewNetwork, folder: Path) -> list[Path]:
         "step.onnx": step_model(network).SerializeToString(deterministic=True),
         "slew.toml": _description(network).encode(),
     }
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for name, data in content.items():
         part = folder / f".{name}.part"
         part.write_bytes(data)
@@ -122,7 +124,8 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
     import torch
 
     try:
-        found = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings(action="ignore"):  # torch tells its users how to load TorchScript
+            found = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # a stranger's file: torch, zip and pickle errors of many kinds
         raise InputError(
             f"{path}: no readable state dict ({type(error).__name__}); "

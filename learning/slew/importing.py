@@ -61,6 +61,12 @@ class Imported:
                 "no [inertia] in the description: as a plant it is refused, or takes the project's inertia "
                 "number with --our-inertia"
             )
+        if self.found.inertia:
+            factor, share = self.found.inertia
+            yield (
+                f"10 s errors are {share:.0%} of those as described with the inertia times {factor:.3g}: "
+                "wrong [inertia] in the description?"
+            )
         if self.found.worthless:
             yield "no better than a speed that does not change"
         outside = self.found.outside
@@ -77,6 +83,7 @@ class Imported:
             "windows": len(found.network.velocity),
             "outside": found.outside,
             "inertia": network.meta.get("inertia"),
+            "inertia_factor": found.inertia[0] if found.inertia else None,
             "region": dict(network.region),
             "layers": {
                 "pressure": [list(net.sizes) for net in network.pressure],
@@ -104,7 +111,7 @@ def bring(
     found = accept(network, trajectories(recording, network.inertia_map))
     if (error := found.network.velocity_mae) > most:
         raise InputError(
-            f"{recording}: the networks miss its speed by {error:.3g} °/s over 10 s in open loop, more than "
+            f"{recording}: the networks miss its speed by {error:.2f} °/s over 10 s in open loop, more than "
             f"{most:g}: wrong order, scale or inertia in {description}? --most-error ERROR accepts more"
         )
     report("writing")
@@ -112,14 +119,11 @@ def bring(
 
 
 def _with_region(network: SlewNetwork) -> SlewNetwork:
-    """A network without a stated region has that of its statistics: two deviations about the mean."""
-    if network.region:
-        return network
+    """A quantity without a stated range has that of its statistics: two deviations about the mean."""
     net = network.velocity[0]
     at = {"inertia": -1, "omega": 3 * HISTORY}
-    region = {
-        name: (net.mean_in[k] - WIDTH * net.std_in[k], net.mean_in[k] + WIDTH * net.std_in[k])
+    known = {
+        name: (float(net.mean_in[k] - WIDTH * net.std_in[k]), float(net.mean_in[k] + WIDTH * net.std_in[k]))
         for name, k in at.items()
     }
-    region = {name: (float(low), float(high)) for name, (low, high) in region.items()}
-    return replace(network, region={"u": (-1.0, 1.0), **region})
+    return replace(network, region={"u": (-1.0, 1.0), **known, **network.region})

@@ -35,6 +35,7 @@ class Context:
 
     title: str = "Verification"
     controller: str = ""
+    plant: str = ""  # that stands where the nominal system's slew drive is
     command: str = ""  # that makes the report again
     seed: int | None = None
     realtime_factor: Mapping[str, float] = field(default_factory=dict)  # system → simulated s / elapsed s
@@ -91,6 +92,7 @@ def _head(verdicts: Sequence[Verdict], context: Context) -> str:
 
 def _facts(context: Context) -> list[tuple[str, str]]:
     facts = [("Controller", context.controller)] if context.controller else []
+    facts += [("Plant", context.plant)] if context.plant else []
     for system, factor in context.realtime_factor.items():
         facts.append((f"{system.capitalize()} simulation", f"{factor:.0f} × real time"))
     if context.seed is not None:

@@ -26,7 +26,7 @@ from fmus.equations import kinematics
 from learning.policy.controller import FILE
 from learning.policy.export import read
 from specs import draws, parameters, policy as contract, scenario as scenarios
-from specs.scenario import Scenario
+from specs.scenario import Load, Scenario
 from specs.signals import signal
 
 OF_MACHINE = ("load_mass", "slew_dead_band", "pendulum_length", "inertia")
@@ -54,6 +54,14 @@ def at_start(path: Path) -> Iterator[str]:
     """The same of a policy in the machine controller: of what comes, the pace at the start alone is known."""
     for text in contract.outside(_ranges(path), {"pace": float(signal("pace").start or 0.0)}):
         yield f"{path}: {text}; it holds until a planner tells another"
+
+
+def on_plants(path: Path, pace: float, load: Load) -> list[str]:
+    """The same of a trial on plants: pace, and the lightest and heaviest load."""
+    told = ({"pace": pace, "load_mass": kg} for kg in (load.low_kg, load.high_kg))
+    return [
+        f"{path}: {t}" for t in dict.fromkeys(t for one in told for t in contract.outside(_ranges(path), one))
+    ]
 
 
 def outside(ranges: Ranges, specs: Iterable[Spec]) -> tuple[dict[str, dict[str, float]], list[str]]:

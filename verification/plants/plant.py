@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.models.slew_nn.fmu import write_folder
 from fmus.models.slew_nn.model import INERTIA_UNKNOWN
-from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.network import SlewNetwork, unknown_inertia
 from fmus.paths import BUILD, ROOT, built_here
 from fmus.toolchain.loader import load_model
 from orchestrator.files.archive import opened
@@ -60,12 +60,19 @@ def find(text: str, our_inertia: bool = False, also: Sequence[str] = ()) -> Plan
     if not path.exists():
         valid = nearest(text, [*names(), *also])
         raise InputError(f"no plant '{text}': {valid}, or a .npz file, FMU or folder")
+    found = _of_path(path, our_inertia)
+    if found.name in OURS:
+        raise InputError(f"{path}: one of the project's plants is called {found.name}; give it another name")
+    return found
+
+
+def _of_path(path: Path, our_inertia: bool) -> Plant:
     if path.suffix == ".fmu":
         return _of_fmu(path, our_inertia)
     weights = path / "weights.npz" if path.is_dir() else path
     if weights.suffix == ".npz" and weights.is_file():
-        named = weights.absolute().parent if weights.name == "weights.npz" else weights
-        return of_network(SlewNetwork.load(weights), named.stem, our_inertia)
+        name = weights.absolute().parent.name if weights.name == "weights.npz" else weights.stem
+        return of_network(SlewNetwork.load(weights), name, our_inertia)
     if (path / "model.py").is_file():
         model = load_model(path)
         _check_contract(path, {v.name for v in model.inputs}, {v.name for v in model.outputs})
@@ -75,29 +82,18 @@ def find(text: str, our_inertia: bool = False, also: Sequence[str] = ()) -> Plan
 
 def of_network(network: SlewNetwork, name: str, our_inertia: bool = False, ahead: int = 0) -> Plant:
     """The nominal system with this network; InputError if it cannot be a plant."""
-    network.check_whole()
-    if not all(np.isfinite(a).all() for a in _numbers(network)):
-        raise InputError(f"plant {name}: weights or statistics that are not finite numbers")
-    if network.inertia_map is None and not our_inertia:
-        raise InputError(_unknown_inertia(name))
+    network.check_plant(name, our_inertia)
     return Plant(name, models={SLEW: _folder(network, ahead)}, network=network)
 
 
 def _folder(network: SlewNetwork, ahead: int) -> Path:
     """A model folder of the network, written once for each content."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    content = b"".join(np.ascontiguousarray(a).tobytes() for a in _numbers(network))
+    content = b"".join(np.ascontiguousarray(a).tobytes() for a in network.numbers)
     told = f"{ahead} {network.symmetric} {sorted(network.meta.items())}".encode()
     name = f"slew_plant_{hashlib.sha256(content + told).hexdigest()[:12]}"
     made = FOLDER / name
     return made if made.is_dir() else write_folder(network, name, FOLDER, ahead)
-
-
-def _numbers(network: SlewNetwork) -> list[np.ndarray]:
-    nets = (*network.pressure, *network.velocity)
-    return [
-        a for n in nets for a in (*n.weights, *n.biases, n.mean_in, n.std_in, n.mean_out, n.std_out)
-    ]  # fmt: skip
 
 
 def _of_fmu(path: Path, our_inertia: bool) -> Plant:
@@ -108,17 +104,15 @@ def _of_fmu(path: Path, our_inertia: bool) -> Plant:
     variables = parse(content, str(path)).variables.values()
     inputs, outputs = ({v.name for v in variables if v.causality == side} for side in ("input", "output"))
     _check_contract(path, inputs, outputs)
-    ours = built_here(hashlib.sha256(path.read_bytes()).hexdigest())
-    if not (ours and INERTIA_UNKNOWN.encode() not in content) and not our_inertia:
-        raise InputError(_unknown_inertia(str(path)))
+    if not our_inertia:
+        if INERTIA_UNKNOWN.encode() in content:
+            raise InputError(unknown_inertia(str(path)))
+        if not built_here(hashlib.sha256(path.read_bytes()).hexdigest()):
+            raise InputError(
+                f"plant {path}: nothing says which slew inertia an FMU that was not built here takes; "
+                "--our-inertia gives it the project's"
+            )
     return Plant(path.stem, models={SLEW: path.resolve()})
-
-
-def _unknown_inertia(what: str) -> str:
-    return (
-        f"plant {what}: does not say on which inertia number it was trained; import it with [inertia] in its"
-        " description, or take the project's number with --our-inertia"
-    )
 
 
 def _check_contract(path: Path, inputs: set[str], outputs: set[str]) -> None:

@@ -6,14 +6,13 @@ from typing import Any
 
 from baselines import registry
 from baselines.registry import Controller
-from learning.policy.export import read
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 from specs.progress import Report
 from verification.evaluation import policies
 from verification.evaluation.policies import SHIPPED
 from verification.plants import plant as plants, trial
 from verification.plants.plant import Plant
-from verification.plants.trial import Job, Trial
+from verification.plants.trial import MOST_OUTSIDE, Job, Trial
 
 ALL = "all"
 COLUMNS = (
@@ -49,9 +48,9 @@ def everyone() -> list[Controller]:
 
 
 def task_of(texts: Sequence[str]) -> str:
-    """`slew` where all are policies of the slew alone, else `full`."""
+    """The task of the policies among these, `full` without one; InputError where they have several."""
     files = [Path(text) for text in texts if text.endswith(".onnx")]
-    return "slew" if files and {read(f).contract.task for f in files} == {"slew"} else "full"
+    return policies.task_of(files) if files else "full"
 
 
 def study(
@@ -69,7 +68,11 @@ def study(
     ran = trial.run([j for made in jobs.values() for j in made], workers, report)
     found: dict[str, Any] = {plant.name: {} for plant in on}
     for (plant_name, controller), made in jobs.items():
-        found[plant_name][controller] = trial.figures([next(ran) for _ in made], asked.task)
+        try:
+            done = [next(ran) for _ in made]
+        except RunError as error:
+            raise RunError(f"{controller} on {plant_name}: {error}") from error
+        found[plant_name][controller] = trial.figures(done, asked.task)
     return found
 
 
@@ -91,16 +94,25 @@ def rows(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Iterator[list[
             cell = by_controller[c]
             names = ("overshoot", "overshoot_max", "error", "speed", "tool", "rest_peak_to_peak")
             values = [f"{cell[n]:.2f}" for n in (*names, "sign_changes")]
-            note = f"{100 * cell['outside']:.0f} % {FLAG}" if cell["flagged"] else ""
+            note = flag(cell) if cell["flagged"] else ""
             yield [c, plant, f"{100 * cell['missed_share']:.0f}", *values, note]
 
 
+def flag(cell: Mapping[str, Any]) -> str:
+    """What is said of figures that are flagged."""
+    return f"{100 * cell['outside_max']:.0f} % of a run {FLAG}"
+
+
 def failures(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
-    """A sentence for each plant on which a controller does what it may not."""
-    return [
-        f"{controller} on {plant}: {what} {form.format(cell[key])}, at most {form.format(most)}"
-        for plant, cells in found.items()
-        for controller, cell in cells.items()
-        for key, (most, what, form) in MOST.items()
-        if cell[key] > most
-    ]
+    """A sentence for each plant on which a controller does what it may not, or whose figures say nothing."""
+    said = []
+    for plant, cells in found.items():
+        for controller, cell in cells.items():
+            where = f"{controller} on {plant}"
+            said += [
+                f"{where}: {what} {form.format(cell[key])}, at most {form.format(most)}"
+                for key, (most, what, form) in MOST.items()
+                if cell[key] > most
+            ]
+            said += [f"{where}: {flag(cell)}, at most {MOST_OUTSIDE:.0%}"] if cell["flagged"] else []
+    return said

@@ -89,13 +89,32 @@ class SlewNetwork:
         """Whether the slew inertia is an input."""
         return self.velocity[0].sizes[0] % HISTORY == 1
 
-    def check_whole(self) -> None:
+    def check_whole(self, name: str = "the network") -> None:
         """InputError unless the networks have all inputs of the paper's: only such become an FMU or ONNX."""
         if not (self.pressure and self.sees_inertia):
             lacks = "pressure" if not self.pressure else "inertia"
-            raise InputError(
-                f"the network was trained without {lacks}: it cannot stand in for the slew drive"
-            )
+            raise InputError(f"{name} was trained without {lacks}: it cannot stand in for the slew drive")
+        for part in PARTS:
+            for have in (net.sizes[0] for net in getattr(self, part) if net.sizes[0] != INPUTS):
+                told = f"with a history of {HISTORY} it has {INPUTS}"
+                raise InputError(f"{name}: a {part} network of {have} inputs; {told}")
+
+    def check_plant(self, name: str, our_inertia: bool = False) -> None:
+        """InputError, with the plant's name, unless the network can stand where the slew drive is.
+
+        One that does not say on which inertia number it was trained needs `our_inertia`: the project's.
+        """
+        self.check_whole(f"plant {name}")
+        if not all(np.isfinite(a).all() for a in self.numbers):
+            raise InputError(f"plant {name}: weights or statistics that are not finite numbers")
+        if self.inertia_map is None and not our_inertia:
+            raise InputError(unknown_inertia(name))
+
+    @property
+    def numbers(self) -> list[np.ndarray]:
+        """Weights and statistics of all members."""
+        nets = (*self.pressure, *self.velocity)
+        return [a for n in nets for a in (*n.weights, *n.biases, *(getattr(n, s) for s in NORMALISATION))]
 
     def outside(self, inertia: np.ndarray, u: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Which of n states lie where no training data was, bool [n]; False where that is not known.
@@ -144,7 +163,7 @@ class SlewNetwork:
     def mirrored(self) -> "SlewNetwork":
         """The network of the mirror image: joystick and speed negated, chambers exchanged."""
         parts = {part: tuple(_mirror_image(n) for n in getattr(self, part)) for part in PARTS}
-        region = {name: self.region[EXCHANGED.get(name, name)] for name in self.region}
+        region = {EXCHANGED.get(name, name): limits for name, limits in self.region.items()}
         for name in {"u", "omega"} & {*region}:
             region[name] = (-region[name][1], -region[name][0])
         visited = None if self.visited is None else self.visited[:, ::-1, ::-1]
@@ -214,7 +233,9 @@ class SlewNetwork:
             )  # fmt: skip
         except FileNotFoundError:
             raise InputError(f"there is no slew network at {path}") from None
-        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        except KeyError as error:
+            raise InputError(f"{path} is damaged or not a slew network: it lacks {error}") from None
+        except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile) as error:
             raise InputError(f"{path} is damaged or not a slew network: {error}") from None
         return made
 
@@ -222,6 +243,14 @@ class SlewNetwork:
 PARTS = ("pressure", "velocity")
 EXCHANGED = {"p_l": "p_r", "p_r": "p_l"}  # in the mirror image
 NORMALISATION = ("mean_in", "std_in", "mean_out", "std_out")
+
+
+def unknown_inertia(name: str) -> str:
+    """What is said of a plant that does not state its inertia number."""
+    return (
+        f"plant {name}: does not say on which inertia number it was trained; import it with [inertia] in its"
+        " description, or take the project's number with --our-inertia"
+    )
 
 
 def _on_ours(net: Mlp, scale: float, offset: float) -> Mlp:

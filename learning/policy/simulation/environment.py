@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from fmus.equations import kinematics
-from fmus.models.slew_nn.network import HISTORY as SPEEDS, INPUTS, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY as SPEEDS, SlewNetwork
 from learning.policy.features import errors
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.simulation.drive import Drive
@@ -26,7 +26,6 @@ from learning.policy.simulation.plant import Machine, Plant, nominal
 from learning.policy.simulation.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
 from learning.policy.simulation.situation import Situation
 from specs import parameters
-from specs.errors import InputError
 from specs.policy import CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TICK_S
 
 LATE = 2  # periods by which the arm encoders' rates are late (0.2 s)
@@ -289,14 +288,12 @@ def without_noise(recipe: Recipe) -> Recipe:
     return replace(recipe, random=Randomisation().off())
 
 
-def load_networks(paths: Sequence[Any]) -> list[SlewNetwork]:
-    """Slew networks from files; InputError names what is wrong with one."""
+def load_networks(paths: Sequence[Any], our_inertia: bool = False) -> list[SlewNetwork]:
+    """Slew networks from files; InputError names what is wrong with one.
+
+    One that does not say on which inertia number it was trained is refused without `our_inertia`.
+    """
     found = [SlewNetwork.load(path) for path in paths]
     for path, network in zip(paths, found, strict=True):
-        network.check_whole()
-        for part in ("pressure", "velocity"):
-            if (have := getattr(network, part)[0].sizes[0]) != INPUTS:
-                raise InputError(
-                    f"{path}: a {part} network of {have} inputs; with a history of {SPEEDS} it has {INPUTS}"
-                )
+        network.check_plant(str(path), our_inertia)
     return found

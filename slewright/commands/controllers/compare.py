@@ -10,7 +10,17 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
-from slewright.plants import HELP, Asked, OurInertiaOption, SeedOption, TargetsOption, check_inertia, tried
+from slewright.plants import (
+    HELP,
+    Asked,
+    OurInertiaOption,
+    SeedOption,
+    TargetsOption,
+    check_excluded,
+    check_inertia,
+    tried,
+    warn_of_ranges,
+)
 from slewright.progress import progress
 from slewright.sealed import SealedOption
 from slewright.tables import show
@@ -19,6 +29,7 @@ from specs.errors import InputError
 QUICK_MACHINES = 2
 PACES = (0.4, 0.55, 0.7, 0.85, 1.0, 1.25)
 FAILURES_SHOWN = 5
+DRAWS, OUT = "validation", Path("out/compare")
 
 
 class Task(StrEnum):
@@ -56,7 +67,7 @@ def compare(
     load: Annotated[list[Load] | None, typer.Option("--load", help="Only this load (repeatable).")] = None,
     draw_set: Annotated[
         str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
-    ] = "validation",
+    ] = DRAWS,
     machines: Annotated[
         int | None, typer.Option("--machines", metavar="N", min=1, help="Machines of the set (default: all).")
     ] = None,
@@ -76,7 +87,7 @@ def compare(
     sealed: SealedOption = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
-    ] = Path("out/compare"),
+    ] = OUT,
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Local worker processes (default: one a core).")
     ] = None,
@@ -98,9 +109,14 @@ def compare(
 ) -> None:
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
     if plants:
-        asked = Asked(targets, seed, load[0].value if load else "unknown", None, jobs or os.cpu_count() or 1)
+        excluded = {"--draws": draw_set != DRAWS, "--machines": machines, "--quick": quick,
+                    "--no-sweep": not sweep, "--sweeps": sweeps, "--sealed": sealed, "--out": out != OUT,
+                    "--scheduler": scheduler}  # fmt: skip
+        check_excluded(excluded, {"--task": task, "--load": load, "--pace": pace}, "--plants")
+        of_load, of_pace = load[0].value if load else "unknown", pace[0] if pace else None
+        asked = Asked(targets, seed, of_load, of_pace, jobs or os.cpu_count() or 1)
         texts = [*(controller or ()), *map(str, policy or ())]
-        _on_plants(texts, gains or (), plants, our_inertia, asked, json, page)
+        _on_plants(texts, gains or (), plants, our_inertia, task[0] if task else None, asked, json, page)
         return
     check_inertia(our_inertia, plants, "--plants")
     from baselines import gains as from_files, registry
@@ -153,6 +169,7 @@ def _on_plants(
     gains: Sequence[str],
     plants: list[str],
     our_inertia: bool,
+    wanted: Task | None,
     asked: Asked,
     json: Path | None,
     page: Path | None,
@@ -166,13 +183,17 @@ def _on_plants(
     on = study.find_plants(plants, our_inertia)
     controllers = study.find_controllers(texts) if texts else study.everyone()
     controllers = from_files.apply_all(controllers, gains)
-    found, task = tried(controllers, on, study.task_of(texts), asked)
+    task = wanted.value if wanted else study.task_of(texts)
+    warn_of_ranges(texts, asked)
+    found = tried(controllers, on, task, asked)
     figures = {"plants": found, "worst": study.worst(found), "task": task, "targets": asked.targets}
-    write(json, {**figures, "load": asked.load}, asked.seed)
+    write(json, {**figures, "load": asked.load, "pace": asked.pace}, asked.seed)
     if page is not None:
         words = (
             [f"--plants {p}" for p in plants]
             + [f"--gains {text}" for text in gains]
+            + ([f"--task {task}"] if wanted else [])
+            + ([] if asked.pace is None else [f"--pace {asked.pace:g}"])
             + [f"--targets {asked.targets}", f"--seed {asked.seed}"]
         )
         pages.fill(page, on, found, " ".join(["slewright compare", *words, f"--load {asked.load}"]))

@@ -24,6 +24,7 @@ from slewright.tables import show
 from specs.errors import InputError
 
 FAILURES_SHOWN = 5
+DRAWS, OUT = "validation", Path("out/evaluate")
 
 
 def evaluate(
@@ -35,7 +36,7 @@ def evaluate(
     ] = None,
     draw_set: Annotated[
         str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
-    ] = "validation",
+    ] = DRAWS,
     pace: Annotated[
         float | None, typer.Option("--pace", min=0.0, max=2.0, help="Pace setting (default: 1).")
     ] = None,
@@ -51,7 +52,7 @@ def evaluate(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Local worker processes.")] = 1,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
-    ] = Path("out/evaluate"),
+    ] = OUT,
     page: Annotated[
         Path | None,
         typer.Option("--page", metavar="FILE.md", exists=True, help="Write the table between its markers."),
@@ -75,9 +76,10 @@ def evaluate(
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
     if plant is not None:
-        excluded = {"--machines": machines, "--matched": matched, "--sealed": sealed, "--page": page,
+        excluded = {"--machines": machines, "--draws": draw_set != DRAWS, "--matched": matched,
+                    "--sealed": sealed, "--out": out != OUT, "--page": page, "--mark": mark,
                     "--beside": beside, "--figures": figures}  # fmt: skip
-        check_excluded(excluded, load)
+        check_excluded(excluded, {"--load": load})
         asked = Asked(targets, seed, load[0] if load else "unknown", pace, jobs)
         on_plant(list(map(str, policy)), plant, our_inertia, asked, json)
         return

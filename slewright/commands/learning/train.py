@@ -8,6 +8,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.plants import OurInertiaOption, check_inertia
 from slewright.progress import progress
 from slewright.tables import show
 
@@ -98,10 +99,11 @@ def policy(
     plant: Annotated[
         str,
         typer.Option(
-            metavar="NAME",
-            help="Slew drive to train on: networks (ours) or published (the authors').",
+            metavar="PLANT",
+            help="Slew drive to train on: networks (ours), published (the authors'), or a .npz or folder.",
         ),
     ] = "",
+    our_inertia: OurInertiaOption = False,
     change: Annotated[
         list[str] | None,
         typer.Option(
@@ -121,9 +123,10 @@ def policy(
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     from learning.policy import session
 
+    check_inertia(our_inertia, plant or networks, "--plant or --networks")
     options = session.Options(
         task=task, recipe=recipe, seed=seed, budget=budget, networks=tuple(networks or ()), out=out,
-        changed=session.changes(change or ()), device=device, plant=plant,
+        changed=session.changes(change or ()), device=device, plant=plant, our_inertia=our_inertia,
     )  # fmt: skip
     with progress("train policy") as report:
         figures = session.run(options, report)

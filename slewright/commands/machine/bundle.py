@@ -8,7 +8,7 @@ import typer
 from records.figures_file import check_target, write
 from slewright.commands.machine.deploy_keys import passphrase
 from slewright.figures import JsonOption, exit_if_missed
-from slewright.plants import HELP, admission
+from slewright.plants import HELP, OurInertiaOption, admission, check_inertia
 from slewright.progress import progress
 from specs.errors import InputError
 from specs.scene_families import single
@@ -60,6 +60,7 @@ def bundle(
             "--plants", metavar="PLANT", help=f"Try it on these, the table goes with it: all, {HELP}."
         ),
     ] = None,
+    our_inertia: OurInertiaOption = False,
     guard: Annotated[
         str | None,
         typer.Option(
@@ -94,7 +95,8 @@ def bundle(
     scene = single(guard) if guard else None
     if plants and controller == "outside":
         raise InputError("--plants: a policy outside is tried on plants by its own file")
-    table, failures = admission(controller, plants) if plants else ({}, [])
+    check_inertia(our_inertia, plants, "--plants")
+    table, failures = admission(controller, plants, our_inertia) if plants else ({}, [])
     with progress("bundle") as report:
         report(f"compiling {controller}")
         made = build(

@@ -1,5 +1,6 @@
 """`slewright verify`: the main job."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -9,7 +10,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
-from slewright.plants import OurInertiaOption, PlantOption, check_inertia
+from slewright.plants import OurInertiaOption, PlantOption, check_excluded, check_inertia
 from slewright.progress import progress
 from specs.errors import InputError
 from specs.progress import Report
@@ -74,7 +75,7 @@ def verify(
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
     check_inertia(our_inertia, plant)
-    found = _plant(plant, our_inertia, bundle, system)
+    found = _plant(plant, our_inertia, {"--bundle": bundle, "--readme": readme}, system)
     systems = [found.system] if found else systems
     with progress("verify") as report:
         if bundle is not None:
@@ -82,40 +83,28 @@ def verify(
         else:
             chosen = choice.choose(controller, model, systems)
         if found:
-            chosen = [replace(c, plant=found.models) for c in chosen]
+            chosen = [replace(c, plant=found) for c in chosen]
         outcome = verification.verify(
             scenario or None, systems, seed, out, chosen[0], chosen[1:], jobs, report
         )
     verification.show(outcome)
-    more = {"plant": plant, "outside": _outside(found, outcome)} if found else {}
-    write(json, {**outcome.figures, **more}, seed)
+    for text in outcome.warnings:
+        typer.echo(f"slewright: warning: {text}", err=True)
+    write(json, outcome.figures | ({"plant": plant} if found else {}), seed)
     if readme is not None:
         results.fill(readme, outcome, f"slewright verify --seed {seed}")
     if not outcome.own.accepted:
         raise typer.Exit(1)
 
 
-def _plant(text: str | None, our_inertia: bool, bundle: Path | None, system: Systems) -> Any:
+def _plant(text: str | None, our_inertia: bool, given: Mapping[str, Any], system: Systems) -> Any:
     """The plant of --plant; None without it."""
     from verification.plants.plant import find
 
     if text is None:
         return None
-    if bundle is not None or system is not Systems.both:
-        raise InputError("--plant excludes --bundle and --system: it says itself what runs")
+    check_excluded({**given, "--system": system is not Systems.both}, {})
     return find(text, our_inertia)
-
-
-def _outside(plant: Any, outcome: Any) -> dict[str, float | None]:
-    """Share of each run out of the plant's trained region; said where it is too much."""
-    from verification.plants.trial import MOST_OUTSIDE, outside
-
-    shares = {s: outside(plant.network, runs[plant.system]) for s, runs in outcome.own.runs.items()}
-    for name, share in shares.items():
-        if share is not None and share > MOST_OUTSIDE:
-            text = f"{name}: {100 * share:.0f} % out of the region that {plant.name} was trained on"
-            typer.echo(f"slewright: warning: {text}: no physics", err=True)
-    return shares
 
 
 def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Report) -> list[Any]:

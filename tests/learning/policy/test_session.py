@@ -217,9 +217,31 @@ def test_plants_to_train_on_have_a_name(network: Path) -> None:
         assert f"--plant {plant}" in told.command
     assert session.PLANTS["published"] != session.PLANTS["networks"]
     both = Options(plant="published", networks=(network,))
-    for wrong, named in ((Options(plant="machine"), "valid: networks, published"), (both, "excludes")):
+    for wrong, named in (
+        (Options(plant="machine"), "valid: networks, published"),
+        (Options(plant=str(network.parent)), "valid: networks, published"),
+        (both, "excludes"),
+    ):
         with pytest.raises(InputError, match=named):
             wrong.drives(wrong.chosen())
+
+
+def test_an_imported_plant_is_trained_on_if_it_says_its_inertia_number(tmp_path: Path) -> None:
+    """By its file or folder; else with the project's number, when that is asked for."""
+    folder = tmp_path / "stranger"
+    folder.mkdir()
+    stranger = replace(untrained(1, residual=True), meta={"imported": ["p.pth", "w.pth"]})
+    stranger.save(folder / "weights.npz")
+    told = Options(recipe="slew", task="slew", plant=str(folder))
+    (path,) = told.drives(told.chosen())
+    assert replace(told, plant=str(path)).drives(told.chosen()) == (path,)
+    chosen = recipe("slew", **SMALL)
+    with pytest.raises(InputError, match="--our-inertia"):
+        session.make_trainer(chosen, [path], 1)
+    assert session.make_trainer(chosen, [path], 1, our_inertia=True)
+    assert replace(told, our_inertia=True).command.endswith(" --our-inertia")
+    stranger.told_in_our_inertia(0.8, 0.0).save(path)
+    assert session.make_trainer(chosen, [path], 1)
 
 
 def test_an_early_end_is_worth_what_the_recipe_says(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:

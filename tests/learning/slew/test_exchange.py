@@ -323,7 +323,8 @@ def test_swapped_files_strangers_and_code_are_refused(tmp_path: Path) -> None:
         from_state_dict(velocity, pressure, told)
     torch.save(torch.nn.Linear(41, 2), tmp_path / "whole.pt")  # a pickled module could run code
     (tmp_path / "noise.pt").write_bytes(b"no network")
-    for name in ("whole.pt", "noise.pt", "missing.pt"):
+    torch.jit.script(torch.nn.Linear(41, 2)).save(tmp_path / "script.pt")
+    for name in ("whole.pt", "noise.pt", "script.pt", "missing.pt"):
         with pytest.raises(InputError, match=name):
             from_state_dict(tmp_path / name, velocity, told)
     with pytest.raises(InputError, match=r"pair of \.onnx"):
@@ -420,6 +421,33 @@ def test_the_command_checks_then_writes(fitted: SlewNetwork, tmp_path: Path, cap
     ]  # fmt: skip
     assert_same(SlewNetwork.load(tmp_path / "out" / "weights.npz"), fitted, 1e-6)
     assert (tmp_path / "own.fmu").stat().st_size > 1000
+
+
+def test_what_a_region_leaves_out_comes_from_the_statistics(fitted: SlewNetwork, tmp_path: Path) -> None:
+    pressure, velocity, told = write_foreign(fitted, tmp_path)
+    told.write_text(f"{told.read_text()}\n[region]\nomega = [-0.5, 0.4]\n")
+    given = ["--pressure", pressure, "--velocity", velocity, "--description", told, "--check", CHECK]
+    ends = ["--out", tmp_path / "net.npz", "--json", tmp_path / "figures.json"]
+    assert entry.run(["import", "slew", *map(str, [*given, *ends])]) == 0
+    region = json.loads((tmp_path / "figures.json").read_text())["region"]
+    assert (region["omega"], region["u"]) == ([-0.5, 0.4], [-1.0, 1.0])
+    mean, std = fitted.velocity[0].mean_in[-1], fitted.velocity[0].std_in[-1]
+    assert region["inertia"] == pytest.approx([mean - 2 * std, mean + 2 * std])
+
+
+def test_a_trace_that_is_missed_or_a_folder_that_cannot_be_is_said(
+    fitted: SlewNetwork, tmp_path: Path, capsys: Any
+) -> None:
+    pressure, velocity, told = write_foreign(fitted, tmp_path)
+    given = ["--pressure", pressure, "--velocity", velocity, "--description", told, "--check", CHECK]
+    limit = accept(fitted, trajectories(CHECK)).network.velocity_mae - 1e-3
+    for wrong, said in (
+        (["--out", tmp_path / "net.npz", "--most-error", limit], "miss its speed by"),
+        (["--out", told / "folder"], "the folder cannot be made"),
+    ):
+        assert entry.run(["import", "slew", *map(str, [*given, *wrong])]) == 2
+        assert said in capsys.readouterr().err
+    assert not (tmp_path / "net.npz").exists()
 
 
 def test_what_is_refused_leaves_nothing(fitted: SlewNetwork, tmp_path: Path, capsys: Any) -> None:

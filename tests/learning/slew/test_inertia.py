@@ -1,5 +1,6 @@
 """Networks trained on another inertia number than the project's, and those of the paper's authors."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from learning.slew.acceptance import accept, trajectories
 from learning.slew.bodies import BODIES
 from learning.slew.description import Inertia
 from learning.slew.exchange import from_onnx, to_onnx
+from learning.slew.importing import Imported
 from specs.errors import InputError
 
 PUBLISHED = ROOT / "fmus" / "models" / "slew_published" / "weights.npz"
@@ -115,6 +117,22 @@ def test_the_published_networks_fit_their_traces_and_know_their_region() -> None
     assert found.outside == 0.0
     told = trajectories(traces.FOLDER / "bump_I250.csv")  # their number taken for the project's
     assert accept(network, told).network.velocity_mae > 0.5
+
+
+def test_a_wrong_inertia_number_shows_on_a_recording_that_has_one() -> None:
+    network = SlewNetwork.load(PUBLISHED)
+    told = trajectories(traces.FOLDER / "bump_I250.csv", (SCALE, OFFSET))
+    assert accept(network, told).inertia is None
+    wrong = [replace(t, inertia=1.3 * t.inertia) for t in told]
+    found = Imported(network, accept(network, wrong), [])
+    assert found.figures()["inertia_factor"] == pytest.approx(1 / 1.3, rel=0.01)
+    (said,) = found.warnings()
+    assert "wrong [inertia]" in said
+
+
+def test_the_mirror_image_of_a_region_that_names_one_chamber() -> None:
+    network = replace(untrained(1), region={"p_l": (1e5, 2e7), "omega": (-0.3, 0.5)})
+    assert network.mirrored().region == {"p_r": (1e5, 2e7), "omega": (-0.5, 0.3)}
 
 
 def test_a_stated_region_tells_what_is_outside() -> None:

@@ -1,6 +1,7 @@
 """Plants: found by name, file or folder, refused where they are none, and trials on them."""
 
 import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,10 @@ from fmus.models.slew_nn.fmu import write_folder
 from fmus.models.slew_nn.model import of_network
 from fmus.models.slew_nn.network import SlewNetwork
 from fmus.models.slew_nn.untrained import untrained
+from fmus.toolchain.build import build_fmu
 from slewright import __main__ as entry
 from specs import systems
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 from tests.conftest import ROOT
 from verification.plants import page as pages, plant, study, trial
 from verification.plants.plant import find, of_network as plant_of
@@ -53,6 +55,10 @@ def test_a_plant_from_a_file_or_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="two plants called 'same'"):
         study.find_plants([str(tmp_path / "b" / "same.npz"), str(tmp_path / "same.npz")])
     assert find(str(ROOT / "fmus" / "models" / "slew")).network is None
+    for name in ("gain1.1", "gain1.2"):
+        (tmp_path / name).mkdir()
+        network.save(tmp_path / name / "weights.npz")
+        assert find(str(tmp_path / name)).name == name
 
 
 def test_strangers_are_refused(tmp_path: Path) -> None:
@@ -60,11 +66,18 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
     (net,) = untrained(1).velocity
     broken = replace(net, weights=(np.full_like(net.weights[0], np.nan), *net.weights[1:]))
     replace(untrained(1), velocity=(broken,)).save(tmp_path / "nan.npz")
+    short = replace(net, weights=(net.weights[0][:, 10:], *net.weights[1:]), mean_in=net.mean_in[10:])
+    replace(untrained(1), velocity=(short,)).save(tmp_path / "short.npz")
+    np.savez(tmp_path / "other.npz", a=np.ones(3))
+    untrained(1).save(tmp_path / "published.npz")
     (tmp_path / "noise.fmu").write_bytes(b"no FMU")
     (tmp_path / "empty").mkdir()
     for text, said in {
         str(tmp_path / "no_inertia.npz"): "--our-inertia",
         str(tmp_path / "nan.npz"): "not finite",
+        str(tmp_path / "short.npz"): "plant short: a velocity network of 31 inputs; .* 41",
+        str(tmp_path / "other.npz"): "not a slew network: it lacks 'head'",
+        str(tmp_path / "published.npz"): "one of the project's plants is called published",
         str(tmp_path / "noise.fmu"): "noise.fmu",
         str(tmp_path / "empty"): "valid: a .npz file, an FMU, a folder",
         str(ROOT / "fmus" / "models" / "tool"): "no slew drive of this machine: it lacks",
@@ -78,6 +91,18 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
 def test_an_fmu_says_whether_its_inertia_is_known() -> None:
     assert plant.INERTIA_UNKNOWN in of_network(stranger()).description
     assert plant.INERTIA_UNKNOWN not in of_network(untrained(1)).description
+
+
+def test_an_fmu_of_someone_else_takes_the_projects_inertia_when_that_is_asked_for(tmp_path: Path) -> None:
+    own, foreign = tmp_path / "own.fmu", tmp_path / "foreign.fmu"
+    for path in (own, foreign):
+        path.write_bytes(build_fmu("slew", 2).read_bytes())
+    with zipfile.ZipFile(foreign, "a") as archive:
+        archive.writestr("resources/note.txt", "not built here")
+    assert find(str(own)).name == "own"
+    with pytest.raises(InputError, match=r"foreign\.fmu: nothing says which slew inertia .*--our-inertia"):
+        find(str(foreign))
+    assert find(str(foreign), our_inertia=True).name == "foreign"
 
 
 def test_a_network_run_ahead_is_written_so(tmp_path: Path) -> None:
@@ -100,7 +125,7 @@ def test_targets_are_45_to_135_degrees_apart_and_within_reach() -> None:
     assert len(level) == 1
 
 
-@pytest.mark.parametrize("load", ["3t", "-1", "nan", "9000"])
+@pytest.mark.parametrize("load", ["3t", "-1", "nan", "2501"])
 def test_a_load_that_is_none_is_refused(load: str) -> None:
     with pytest.raises(InputError, match="load"):
         list(Trial(targets=1, load=load).scenarios())
@@ -109,10 +134,19 @@ def test_a_load_that_is_none_is_refused(load: str) -> None:
 def test_a_trial_out_of_the_trained_region_is_flagged() -> None:
     rows = _rows()
     for share, flagged in ((0.2, True), (0.01, False), (None, False)):
-        found = trial.figures([Ran(rows, [1.0], 3, 15.0, share)], "full")
+        ran = [Ran(rows, [1.0], 3, 15.0, share) for share in (share, share and 0.0, share and 0.0)]
+        found = trial.figures(ran + [ran[1]] * 2, "full")  # one run of five, whose mean share is small
         assert (found["flagged"], found["sign_changes"]) == (flagged, 0.2)
         told = next(iter(study.rows({"published": {"pd": found}})))[-1]
         assert bool(told) is flagged
+
+
+def test_a_plant_that_runs_away_is_named() -> None:
+    (net,) = untrained(1).velocity
+    wild = replace(net, weights=(*net.weights[:-1], 1e4 * net.weights[-1]))
+    on = plant_of(replace(untrained(1), velocity=(wild,)), "wild")
+    with pytest.raises(RunError, match=r"pd on wild: .*not a finite number"):
+        study.study(study.find_controllers(["pd"]), [on], Trial(targets=1), 1, lambda *said: None)
 
 
 def _rows() -> list[Any]:
@@ -124,10 +158,12 @@ def _rows() -> list[Any]:
 def test_a_controller_fails_where_it_misses_or_overshoots() -> None:
     (good,) = _figures()
     bad = {**good, "missed_share": 0.5, "overshoot": 3.0}
-    found = study.failures({"nominal": {"pd": good}, "published": {"pd": bad}})
+    unknown = {**good, "flagged": True, "outside_max": 0.2}
+    found = study.failures({"nominal": {"pd": good}, "published": {"pd": bad}, "mine": {"pd": unknown}})
     assert found == [
         "pd on published: targets missed 50%, at most 1%",
         "pd on published: mean overshoot 3.0°, at most 2.0°",
+        "pd on mine: 20 % of a run out of the trained region, at most 5%",
     ]
 
 
@@ -151,7 +187,13 @@ def test_characters_tell_plants_apart(tmp_path: Path) -> None:
 # ---- the commands ----
 
 
-@pytest.mark.parametrize("words", [("tune", "pd"), ("compare",), ("evaluate", str(POLICY)), ("verify",)])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("tune", "pd"), ("compare",), ("evaluate", str(POLICY)), ("verify",), ("train", "policy"),
+        ("bundle", "pd", "--out", "none"),
+    ],
+)  # fmt: skip
 def test_our_inertia_without_a_plant_is_refused(words: tuple[str, ...], capsys: Any) -> None:
     assert entry.run([*words, "--our-inertia"]) == 2
     assert "--our-inertia needs --plant" in capsys.readouterr().err
@@ -186,13 +228,26 @@ def test_a_bundle_carries_its_table_over_plants(tmp_path: Path) -> None:
 
 def test_evaluate_on_a_plant_writes_its_keys(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "figures.json"
-    asked = ["--plant", "published", "--targets", "2", "--load", "empty", "--json", str(out)]
+    asked = ["--plant", "published", "--targets", "2", "--load", "2300", "--json", str(out)]
     assert entry.run(["evaluate", str(POLICY), *asked]) == 0
-    assert "published" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "published" in said.out
+    assert "load_mass 2300 is outside the trained 0 … 2000" in said.err
     found = json.loads(out.read_text())
     assert {*KEYS, "outside", "flagged", "plant", "load", "seed"} <= {*found}
     assert found["targets"] == 2
     assert all(isinstance(found[key], float) for key in KEYS)
+
+
+def test_compare_on_plants_takes_a_task_and_a_pace(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    words = ["compare", "--controller", "pd", "--plants", "nominal", "--targets", "1", "--jobs", "1"]
+    assert entry.run([*words, "--task", "slew", "--pace", "0.5", "--json", str(out)]) == 0
+    found = json.loads(out.read_text())
+    assert (found["task"], found["pace"]) == ("slew", 0.5)
+    assert entry.run([*words, "--task", "slew", "--json", str(out)]) == 0
+    fast = json.loads(out.read_text())
+    assert found["plants"]["nominal"]["pd"]["speed"] < fast["plants"]["nominal"]["pd"]["speed"]
 
 
 def test_compare_on_plants_is_one_table(tmp_path: Path) -> None:
@@ -210,7 +265,14 @@ def test_compare_on_plants_is_one_table(tmp_path: Path) -> None:
         ["evaluate", str(POLICY), "--plant", "publisht"],
         ["evaluate", str(POLICY), "--plant", "published", "--machines", "3"],
         ["evaluate", str(POLICY), "--plant", "published", "--load", "empty", "--load", "2t"],
+        ["evaluate", str(POLICY), "--plant", "published", "--draws", "tuning"],
+        ["evaluate", str(POLICY), str(POLICY.with_name("slew.onnx")), "--plant", "published"],
         ["compare", "--plants", "nothing"],
+        ["compare", "--plants", "published", "--machines", "2"],
+        ["compare", "--plants", "published", "--sweeps"],
+        ["compare", "--plants", "published", "--task", "slew", "--task", "full"],
+        ["compare", "--plants", "published", "--pace", "0.5", "--pace", "0.7"],
+        ["verify", "--plant", "published", "--readme", str(ROOT / "README.md")],
         ["verify", "--plant", "published", "--system", "nominal"],
         ["verify", "--plant", "nothing"],
     ],
@@ -220,11 +282,22 @@ def test_wrong_words_end_with_2(words: list[str], capsys: Any) -> None:
     assert "slewright: " in capsys.readouterr().err
 
 
-def test_verify_runs_on_a_plant(tmp_path: Path) -> None:
-    out = tmp_path / "figures.json"
-    words = ["--plant", "published", "--controller", "pd", "--scenario", "four_targets_empty"]
-    code = entry.run(["verify", *words, "--out", str(tmp_path / "out"), "--json", str(out)])
-    assert code in (0, 1)
-    found = json.loads(out.read_text())
-    assert found["plant"] == "published"
-    assert found["outside"] == {"four_targets_empty": 0.0}
+def test_verify_runs_on_a_plant(tmp_path: Path, capsys: Any) -> None:
+    """Report and figures say which plant it was, and where it left its trained region."""
+    published = SlewNetwork.load(ROOT / "fmus" / "models" / "slew_published" / "weights.npz")
+    replace(published, region={"omega": (-0.1, 0.1)}).save(tmp_path / "narrow.npz")
+    for text, name in (("published", "published"), (str(tmp_path / "narrow.npz"), "narrow")):
+        out = tmp_path / f"{name}.json"
+        words = ["--plant", text, "--controller", "pd", "--scenario", "four_targets_empty"]
+        code = entry.run(["verify", *words, "--out", str(tmp_path / name), "--json", str(out)])
+        assert code in (0, 1)
+        found = json.loads(out.read_text())
+        metrics = json.loads((tmp_path / name / "metrics.json").read_text())
+        assert (found["plant"], metrics["plant"]) == (text, name)
+        left = found["outside"]["four_targets_empty"]
+        warned = "out of the region that narrow was trained on"
+        assert (left > 0.05) is (name == "narrow")
+        report = (tmp_path / name / "report.html").read_text()
+        assert f"--plant {name}" in report
+        for said in (capsys.readouterr().err, report):
+            assert (warned in said) is (name == "narrow")
