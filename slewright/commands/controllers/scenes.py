@@ -16,6 +16,7 @@ from slewright.typed import command
 from specs.errors import InputError
 from specs.scene import Scene
 
+FOLLOWERS = ("nmpc", "shaped", "floor")
 COLUMNS = (
     "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
     "over optimum", "speed °/s", "tool °/s", "missed", "plan p95 s",
@@ -38,7 +39,8 @@ def scenes(
         list[str] | None,
         typer.Option(
             "--controller", metavar="NAME",
-            help="floor, shaped, nmpc; a controller or a policy's file, blind or led: pd@path (repeatable).",
+            help="nmpc, shaped, floor (all three without the option); a controller or a policy's file, blind "
+            "or led: pd@path (repeatable).",
         ),
     ] = None,
     machines: Annotated[
@@ -90,7 +92,7 @@ def scenes(
     from specs import draws, scene_families
     from verification.scenes import kept, study
 
-    controllers = list(dict.fromkeys(controller or ["floor"]))
+    controllers = list(dict.fromkeys(controller or FOLLOWERS))
     if bool(scene) == bool(sealed):
         raise InputError(
             "name scenes (truck, tuning, gap:validation:0, a .toml file) or open the --sealed ones"

@@ -110,6 +110,7 @@ def test_the_command_writes_its_figures_and_goes_on_where_it_was(tmp_path: Path)
     assert command(arguments) == 0
     first = json.loads((tmp_path / "f.json").read_text())
     assert {"scenes", "runs", "contacts", "cross_track_p95", "speed", "tool", "cycle", "seed"} <= set(first)
+    assert first["nmpc"]["tool"] == first["tool"] < first["floor"]["tool"]
     kept = (tmp_path / "out" / "rows.jsonl").read_bytes()
     assert command(arguments) == 0
     assert (tmp_path / "out" / "rows.jsonl").read_bytes() == kept
