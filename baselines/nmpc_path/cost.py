@@ -25,15 +25,12 @@ SIZE = len(TOLD) + PLANES * (1 + len(POSE))
 
 def of_path() -> Cost:
     """Residuals of a stage are told `TOLD`, then of each plane `keep - c + g q_0` and g."""
-    residuals, values = {}, {}
     x, told = ca.SX.sym("x", len(prediction.STATES)), ca.SX.sym("told", SIZE)  # type: ignore[call-arg]
     r = _residual(x, told)
-    for last in (False, True):
-        residuals[last] = ca.Function(
-            "path_residual", [x, told], [ca.densify(r), ca.densify(ca.jacobian(r, x))]
-        )
-        values[last] = ca.Function("path_value", [x, told], [ca.sumsqr(r)])
-    return Cost(residuals, values, SIZE, staged=True)
+    residual = ca.Function("path_residual", [x, told], [ca.densify(r), ca.densify(ca.jacobian(r, x))])
+    value = ca.Function("path_value", [x, told], [ca.sumsqr(r)])
+    both = (False, True)  # the last stage is told other weights
+    return Cost(dict.fromkeys(both, residual), dict.fromkeys(both, value), SIZE, staged=True)
 
 
 def _residual(x: ca.SX, told: ca.SX) -> ca.SX:

@@ -13,9 +13,7 @@ from specs import pose, shapes
 from specs.scene import Scene
 
 STEP_RAD = 1e-3
-BALL_M = (
-    0.4  # between the balls along a capsule: beside its middle line a distance is at most 0.03 m too large
-)
+BALL_M = 0.4  # between the balls along a capsule, between which a distance is at most 0.03 m too large
 TOOL = ("lines", "grab")
 FAR_M = 1e3
 

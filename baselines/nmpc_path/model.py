@@ -32,7 +32,7 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
 
 
 def _told(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
-    return {"u_slew": 0.0}
+    return {"u_slew": 0.0}  # every model has an output; the follower reads the states
 
 
 ESTIMATOR = Model(

@@ -3,7 +3,8 @@
 One leg: from rest with the tool hanging, into the target's tolerance in the least time, `STAYS_S` in it, and
 at rest then.  The machine is known perfectly (`plant`), the arm follows its velocity loops.  Things are kept
 off by planes: distances and slopes (`baselines.nmpc_path.field`) about the way of the last solve, near
-which the next one looks.  Local optima, begun from a planned path; none is driven.
+which the next one looks; carriage and cabin turn where the planned path turns them.  Local optima, begun
+from that path; none is driven.
 """
 
 from collections.abc import Mapping
