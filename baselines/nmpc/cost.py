@@ -32,12 +32,14 @@ class Cost:
     `residual`  (x, told) -> r, dr/dx: Gauss-Newton with the weights held
     `value`     (x, told) -> the stage's share of V
     `told`      numbers that each stage is told, the load first; `staged`: a column of them for each stage
+    `lengths`   of a step, tried by roll-out
     """
 
     residual: dict[bool, ca.Function]
     value: dict[bool, ca.Function]
     told: int
     staged: bool = False
+    lengths: tuple[float, ...] = (1.0, 0.5, 0.2)
 
     def at(self, told: Any, k: int) -> Any:
         """What stage `k` is told."""

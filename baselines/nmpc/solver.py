@@ -28,7 +28,6 @@ ARM_STEPS = STAGES // HELD
 SIZE = STAGES + 2 * ARM_STEPS
 ITERATIONS = 4
 NEWTON = 5  # steps of the projected Newton method
-LENGTHS = (1.0, 0.5, 0.2)  # of a step, tried by roll-out
 NX, NU = len(prediction.STATES), len(prediction.INPUTS)
 NOT_SMOOTH = {"is_diff_in": [False] * 4, "is_diff_out": [False] * 3}
 
@@ -118,7 +117,7 @@ def _iteration(own: Stage, aim: Cost) -> ca.Function:
         gradient += by_plan.T @ r
     step = _box_newton()(hessian, gradient, plan)
     best, least = plan, value(x0, plan, given, task)
-    for length in LENGTHS:
+    for length in aim.lengths:
         tried = plan + length * step
         v = value(x0, tried, given, task)
         better = v < least

@@ -20,6 +20,12 @@ POSE = ("slew", "boom", "stick", "pitch", "roll")  # what distances depend on, i
 PLANES = 3  # nearest things that a stage knows of: two of the tool, one of the arm
 SWING_RATE = 2.2  # 1/s: rate with which a swing of 1 rad goes through the middle
 TOLD = ("load", "slew", "radius", "height", "speed", "place", "speed_weight", "tool", "swing", "near")
+LENGTHS = (
+    1.0,
+    0.5,
+    0.2,
+    0.05,
+)  # of a step: where the way leads over a rim, only small ones are downhill at first
 SIZE = len(TOLD) + PLANES * (1 + len(POSE))
 
 
@@ -30,7 +36,7 @@ def of_path() -> Cost:
     residual = ca.Function("path_residual", [x, told], [ca.densify(r), ca.densify(ca.jacobian(r, x))])
     value = ca.Function("path_value", [x, told], [ca.sumsqr(r)])
     both = (False, True)  # the last stage is told other weights
-    return Cost(dict.fromkeys(both, residual), dict.fromkeys(both, value), SIZE, staged=True)
+    return Cost(dict.fromkeys(both, residual), dict.fromkeys(both, value), SIZE, staged=True, lengths=LENGTHS)
 
 
 def _residual(x: ca.SX, told: ca.SX) -> ca.SX:
