@@ -16,10 +16,10 @@ from slewright import __main__ as entry
 from slewright.commands.controllers.reproduce import ROLES
 from specs.errors import InputError
 from tests.conftest import ROOT
-from verification.paper import asked as asking, items, page as pages, reproduction, trials
+from verification.paper import asked as asking, items, reproduction, slew_model, trials
 from verification.paper.asked import EFFORTS, Asked
 from verification.paper.items import Item
-from verification.paper.made import COLUMNS, Made
+from verification.paper.made import COLUMNS, Made, filled
 from verification.paper.store import Store
 from verification.paper.why import WHY
 from verification.plants.trial import Job, Ran
@@ -147,6 +147,23 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert made == ["first", "second"] * 2
 
 
+def test_ours_are_shown_with_their_standard_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [replace(_rows()[0], speed=speed) for speed in (9.0, 11.0)]
+    monkeypatch.setattr(trials.trial, "run", lambda jobs, *_: (Ran(rows, [1.0], 3, 15.0, None) for _ in jobs))
+    monkeypatch.setattr(trials, "_jobs", lambda *_: [None])
+    text = trials.make(asked(tmp_path), SLEW_ONLY).text
+    assert "| 10.00 ± 1.00 | 0.50 ± 0.00 |" in text
+    assert "| 14.04 | 38.10 |" in text  # the paper's
+    assert text.endswith(filled(trials.NOTE))
+
+
+def test_table_three_has_the_stored_intervals() -> None:
+    found = json.loads(slew_model.STORED.read_text())
+    text = slew_model._features(found)
+    assert "0.47 ± 0.15 (×0.75)" in text
+    assert "| 1.80 (×1.12) |" in text  # the paper's
+
+
 def test_a_table_goes_on_cell_by_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[int] = []
 
@@ -203,7 +220,7 @@ def test_the_page_that_ships_has_every_item() -> None:
     places = [f"## {item.place}: {item.title}" for item in items.ITEMS]
     assert [line for line in text.splitlines() if line.startswith("## ")][:-1] == places
     for name in ORDER:
-        assert pages.filled(f"**Where they differ.** {WHY[name]}") in text, name
+        assert filled(f"**Where they differ.** {WHY[name]}") in text, name
 
 
 @pytest.mark.long
