@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 WIDTH = 120  # of the page
+NO_BREAK = "\N{NO-BREAK SPACE}"
 COLUMNS = ("nominal", "published", "reference")
 
 
@@ -23,6 +24,11 @@ class Made:
     def as_dict(self) -> dict[str, Any]:
         """For the store."""
         return asdict(self)
+
+
+def plus_minus(half: float | None) -> str:
+    """ "± half" behind a number, which stays with it on its line; nothing for None."""
+    return "" if half is None else f"{NO_BREAK}±{NO_BREAK}{half:.2f}"
 
 
 def filled(paragraph: str) -> str:

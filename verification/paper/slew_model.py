@@ -20,7 +20,7 @@ from records.paper import DATA, DATA_MINUTES, FEATURES, LAYERS, TRUSTED_S
 from verification.dossier.markdown import table
 from verification.paper.asked import HERE, WHERE, Asked
 from verification.paper.drives import data, recordings
-from verification.paper.made import COLUMNS, Made, filled
+from verification.paper.made import COLUMNS, Made, filled, plus_minus
 from verification.plants.plant import MODELS
 
 PERIODIC, DRIVING, CLOSED_LOOP = DATA
@@ -170,4 +170,4 @@ def _cell(column: Mapping[str, Any], name: str, key: str) -> str:
     value, proposed = column[name][key], column["proposed"][key]
     ratio = "" if name == "proposed" or name in SHIPPED else f" (×{value / proposed:.2f})"
     ends = column[name].get("ci95", {}).get(key)
-    return f"{value:.2f}{f' ± {(ends[1] - ends[0]) / 2:.2f}' if ends else ''}{ratio}"
+    return f"{value:.2f}{plus_minus(ends and (ends[1] - ends[0]) / 2)}{ratio}"

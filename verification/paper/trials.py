@@ -7,7 +7,7 @@ from typing import Any
 from records.paper import SLEW_ONLY, WITH_ESTIMATE, WITHOUT_ESTIMATE, Row, rows
 from verification.dossier.markdown import table
 from verification.paper.asked import ROLES, WHERE, Asked, code, digest, plant
-from verification.paper.made import COLUMNS, Made, filled
+from verification.paper.made import COLUMNS, Made, filled, plus_minus
 from verification.paper.store import Store
 from verification.paper.trained import controller, policy
 from verification.plants import trial
@@ -134,13 +134,9 @@ def _numbers(values: Mapping[str, Any]) -> list[str]:
     """Each metric, ours ± the standard error of its mean."""
     off = values.get("standard_error", {})
     return [
-        "–" if (value := values[name]) is None else f"{value:.2f}{_plus_minus(off.get(name))}"
+        "–" if (value := values[name]) is None else f"{value:.2f}{plus_minus(off.get(name))}"
         for name in METRICS
     ]
-
-
-def _plus_minus(half: float | None) -> str:
-    return "" if half is None else f" ± {half:.2f}"
 
 
 def ratios(made: Mapping[str, Any], column: str = "reference") -> str:

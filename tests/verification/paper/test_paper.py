@@ -19,7 +19,7 @@ from tests.conftest import ROOT
 from verification.paper import asked as asking, items, reproduction, slew_model, trials
 from verification.paper.asked import EFFORTS, Asked
 from verification.paper.items import Item
-from verification.paper.made import COLUMNS, Made, filled
+from verification.paper.made import COLUMNS, NO_BREAK, Made, filled
 from verification.paper.store import Store
 from verification.paper.why import WHY
 from verification.plants.trial import Job, Ran
@@ -73,6 +73,7 @@ def test_an_unknown_name_ends_with_2_and_the_valid_ones(capsys: Any, tmp_path: P
         (f"paper={POLICIES / 'slew.onnx'}", "slew.onnx: a policy of task slew; paper is of task full"),
         (f"paper={POLICIES / 'ppo.onnx'}", "ppo.onnx: a policy of recipe ppo; paper is of recipe paper"),
         (f"paper_slew_no_history={POLICIES / 'paper_slew.onnx'}", "a policy of history 5; .* of history 1"),
+        (f"paper={POLICIES / 'paper.onnx'} paper=x.onnx", "--policy paper=x.onnx: paper is given twice"),
         ("papre=x.onnx", "valid is ROLE=FILE.*paper"),
         ("x.onnx", "valid is ROLE=FILE"),
         ("paper=nothing.onnx", "no policy nothing.onnx"),
@@ -81,7 +82,7 @@ def test_an_unknown_name_ends_with_2_and_the_valid_ones(capsys: Any, tmp_path: P
 )
 def test_policies_that_do_not_fit_are_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        asking.policies([text])
+        asking.policies(text.split())
 
 
 def test_a_policy_with_weights_that_are_no_numbers_is_refused(tmp_path: Path) -> None:
@@ -98,6 +99,13 @@ def test_a_policy_with_weights_that_are_no_numbers_is_refused(tmp_path: Path) ->
 def test_wrong_words_end_with_2(words: list[str], tmp_path: Path, capsys: Any) -> None:
     assert entry.run(["reproduce", "networks", *words, "--out", str(tmp_path / "out")]) == 2
     assert "slewright: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("out", ["file", "file/below"])
+def test_a_folder_that_cannot_be_made_ends_with_2(out: str, tmp_path: Path, capsys: Any) -> None:
+    (tmp_path / "file").touch()
+    assert entry.run(["reproduce", "networks", "--quick", "--out", str(tmp_path / out)]) == 2
+    assert str(tmp_path / out) in capsys.readouterr().err
 
 
 # ---- kept, and found again ----
@@ -152,7 +160,7 @@ def test_ours_are_shown_with_their_standard_errors(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(trials.trial, "run", lambda jobs, *_: (Ran(rows, [1.0], 3, 15.0, None) for _ in jobs))
     monkeypatch.setattr(trials, "_jobs", lambda *_: [None])
     text = trials.make(asked(tmp_path), SLEW_ONLY).text
-    assert "| 10.00 ± 1.00 | 0.50 ± 0.00 |" in text
+    assert "| 10.00 ± 1.00 | 0.50 ± 0.00 |" in text.replace(NO_BREAK, " ")
     assert "| 14.04 | 38.10 |" in text  # the paper's
     assert text.endswith(filled(trials.NOTE))
 
@@ -160,7 +168,7 @@ def test_ours_are_shown_with_their_standard_errors(tmp_path: Path, monkeypatch: 
 def test_table_three_has_the_stored_intervals() -> None:
     found = json.loads(slew_model.STORED.read_text())
     text = slew_model._features(found)
-    assert "0.47 ± 0.15 (×0.75)" in text
+    assert "0.47 ± 0.15 (×0.75)" in text.replace(NO_BREAK, " ")
     assert "| 1.80 (×1.12) |" in text  # the paper's
 
 
@@ -204,6 +212,7 @@ def test_an_item_from_what_ships_with_its_page(tmp_path: Path, capsys: Any) -> N
     found = json.loads(out.read_text())
     assert [*found["items"]] == ["networks", "open_loop"]
     assert found["seed"] == 1
+    assert found["commit"]
     assert "slewright" in found["versions"]
     assert {"paper", *COLUMNS, "command"} <= {*found["items"]["networks"]}
     text = page.read_text()
