@@ -59,7 +59,7 @@ WHY = {
     "no_load_estimate": """
         Speed is higher, overshoot and error are lower than in the paper for the reasons given at Table V;
         the tool swings up to a third more with an empty grab, somewhat less with an unknown load; as in the
-        paper such a load costs about a ninth of the speed on the reference machine, and less on the other plants
-        ("Empty" repeats "Controller" of Table V: of an empty grab 0 is told either way).
+        paper such a load costs about a ninth of the speed on the reference machine, and less on the other
+        plants ("Empty" repeats "Controller" of Table V: of an empty grab 0 is told either way).
     """,
 }
