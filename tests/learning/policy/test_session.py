@@ -134,7 +134,7 @@ def test_checkpoints_of_another_training_are_refused(network: Path, tmp_path: Pa
         session.run(options(network, tmp_path, "full"), quiet)
     (tmp_path / "checkpoint.pt").unlink()
     (tmp_path / "checkpoint.pt").mkdir()
-    with pytest.raises(InputError, match="checkpoint.pt is a folder"):
+    with pytest.raises(InputError, match=r"checkpoint\.pt is a folder"):
         session.run(options(network, tmp_path, "full"), quiet)
 
 
