@@ -41,7 +41,7 @@ def run(options: Options, report: Report) -> dict[str, dict[str, Any]]:
     """Make the items and the pages; returns name -> what became of it, in the paper's order."""
     wanted = all_items.chosen(options.names)
     asked = options.asked(report)
-    make_folder(asked.out)
+    make_folder(asked.out / all_items.FOLDER)  # refused now, not when the first item is made
     found = all_items.make(asked, wanted)
     sections = pages.compose(wanted, found)
     content = pages.text(asked, options.names, sections)

@@ -101,11 +101,15 @@ def test_wrong_words_end_with_2(words: list[str], tmp_path: Path, capsys: Any) -
     assert "slewright: " in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("out", ["file", "file/below"])
+@pytest.mark.parametrize("out", ["file", "file/below", "closed"])
 def test_a_folder_that_cannot_be_made_ends_with_2(out: str, tmp_path: Path, capsys: Any) -> None:
     (tmp_path / "file").touch()
+    (tmp_path / "closed").mkdir()
+    (tmp_path / "closed" / "items").touch()  # as a folder that cannot be written to: also for root
     assert entry.run(["reproduce", "networks", "--quick", "--out", str(tmp_path / out)]) == 2
-    assert str(tmp_path / out) in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert str(tmp_path / out) in said
+    assert "(0/1)" not in said  # before the first item
 
 
 # ---- kept, and found again ----
