@@ -73,11 +73,18 @@ def _check_owner(plan: Plan, chosen: Sequence[Recording], machine: Machine, out:
     for recording in chosen:
         path = out / f"{recording.name}.parquet"
         if path.is_file():
-            meta = read(path).meta
+            meta = _meta(path)
             theirs = {key: meta.get(key) for key in mine}
             if theirs != mine:
                 said = ", ".join(f"{key} {value}" for key, value in theirs.items())
                 raise InputError(f"{path} is a recording of {said}; choose another folder")
+
+
+def _meta(path: Path) -> Mapping[str, Any]:
+    try:
+        return read(path).meta
+    except InputError as error:
+        raise InputError(f"{str(error).rstrip('.')}; remove it, and it is recorded again") from None
 
 
 def _digest(plan: Plan, recording: Recording, machine: Machine, gains: Mapping[str, float] | None) -> str:

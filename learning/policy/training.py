@@ -40,6 +40,8 @@ class Training:
 
     def resume(self) -> None:
         """Go on from the checkpoint, if there is one; InputError if its numbers are none."""
+        if self.kept.is_dir():
+            raise InputError(f"{self.kept} is a folder; name another --out, or remove it")
         if not self.kept.is_file():
             return
         state = checkpoint.load(self.kept, self.chosen, self.seed, self.data)

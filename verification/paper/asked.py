@@ -110,6 +110,8 @@ def policies(texts: list[str]) -> dict[str, Path]:
         name, equals, file = text.partition("=")
         if not equals or name not in ROLES:
             raise InputError(f"--policy {text}: valid is ROLE=FILE; {nearest(name, ROLES)}")
+        if name in found:
+            raise InputError(f"--policy {text}: {name} is given twice")
         check(name, Path(file))
         found[name] = Path(file)
     return found

@@ -24,10 +24,10 @@ PANELS = {
 }
 PICTURE = "learning-curves.svg"
 TEXT = """
-The learning curves of the policies above, as CSV in
-[learning/policies/curves](../../learning/policies/curves/README.md). Time was limited, so the curriculum
-followed the clock; the reward falls where it narrows the terms. [Policies](../explanation/policy.md) says how
-they were trained and how seeds were chosen.
+The learning curves of the policies above that PPO trained (`slew` was trained by the gradient of the
+simulation), as CSV in [learning/policies/curves](../../learning/policies/curves/README.md). Time was
+limited, so the curriculum followed the clock; the reward falls where it narrows the terms.
+[Policies](../explanation/policy.md) says how they were trained and how seeds were chosen.
 """
 
 

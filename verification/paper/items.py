@@ -35,6 +35,7 @@ def _table(name: str, place: str, title: str) -> Item:
     return Item(name, place, title, partial(trials.make, place=place), trials.roles(place))
 
 
+FOLDER = "items"  # of what is finished, in --out
 PAPER = (pictures.POLICY,)
 ITEMS = (
     Item("data", "Table I", "characteristics of the training set", slew_model.split),
@@ -70,7 +71,7 @@ def chosen(wanted: Sequence[str]) -> list[Item]:
 
 def make(asked: Asked, wanted: Sequence[Item]) -> dict[str, dict[str, Any]]:
     """name -> what became of it, from the store where it was made before."""
-    store, found = Store(asked.out / "items"), {}
+    store, found = Store(asked.out / FOLDER), {}
     for number, item in enumerate(wanted):
         asked.report(item.name, number, len(wanted))
         own = {role: digest(policy(asked, role)) for role in item.roles}

@@ -1,6 +1,5 @@
 """The items as one page: Markdown with pictures beside it, and the same as one HTML file."""
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
@@ -13,6 +12,7 @@ from verification.dossier.section import Section
 from verification.paper import curves, trials
 from verification.paper.asked import Asked
 from verification.paper.items import Item
+from verification.paper.made import filled
 
 TITLE = "The paper, line by line"
 INTRO = """
@@ -33,7 +33,6 @@ TRAINING = {
     "tiny": "**Trainings were cut down to seconds: these figures only show that everything runs.**",
     "": "Nothing was trained: policies are those that ship, slew models those of a stored training.",
 }
-WIDTH = 120
 
 
 def compose(items: Sequence[Item], found: Mapping[str, Mapping[str, Any]]) -> list[Section]:
@@ -69,11 +68,6 @@ def _section(item: Item, made: Mapping[str, Any]) -> Section:
 def caption(picture: str) -> str:
     """What a picture's file name says."""
     return picture.removesuffix(".svg").replace("-", " ")
-
-
-def filled(paragraph: str) -> str:
-    """A paragraph in lines of the pages' width."""
-    return textwrap.fill(" ".join(paragraph.split()), WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def write_html(path: Path, content: str, sections: Sequence[Section]) -> None:

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from records.figures_file import check_suffix
-from specs.errors import InputError
+from records.figures_file import check_suffix, make_folder
 from specs.progress import Report
 from verification.paper import asked as asking, items as all_items, page as pages
 from verification.paper.asked import Asked
@@ -34,8 +33,6 @@ class Options:
         if self.targets is not None:
             effort = replace(effort, targets=self.targets)
         given = asking.policies(list(self.policies))
-        if self.out.exists() and not self.out.is_dir():
-            raise InputError(f"--out {self.out} is no folder")
         check_suffix(self.page, ".md")
         return Asked(self.budget, effort, self.seed, self.workers, self.out, report, given)
 
@@ -44,7 +41,7 @@ def run(options: Options, report: Report) -> dict[str, dict[str, Any]]:
     """Make the items and the pages; returns name -> what became of it, in the paper's order."""
     wanted = all_items.chosen(options.names)
     asked = options.asked(report)
-    asked.out.mkdir(parents=True, exist_ok=True)
+    make_folder(asked.out / all_items.FOLDER)  # refused now, not when the first item is made
     found = all_items.make(asked, wanted)
     sections = pages.compose(wanted, found)
     content = pages.text(asked, options.names, sections)

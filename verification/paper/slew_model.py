@@ -20,7 +20,7 @@ from records.paper import DATA, DATA_MINUTES, FEATURES, LAYERS, TRUSTED_S
 from verification.dossier.markdown import table
 from verification.paper.asked import HERE, WHERE, Asked
 from verification.paper.drives import data, recordings
-from verification.paper.made import COLUMNS, Made
+from verification.paper.made import COLUMNS, Made, filled, plus_minus
 from verification.plants.plant import MODELS
 
 PERIODIC, DRIVING, CLOSED_LOOP = DATA
@@ -34,7 +34,10 @@ SHIPPED = {"as shipped": "slew_nn", "the authors' networks": "slew_published"}  
 SCALES = {"u": (1.0, "joystick, 1"), "p_l": (1e-5, "chamber pressure, bar"),
           "omega": (180.0 / np.pi, "slew speed, °/s"), "inertia": (1e-3, "slew inertia, t m²")}  # fmt: skip
 KEYS = ("velocity_mae", "position_mae")
-NOTE = "Mean absolute errors of 10 s on held-out recordings, means of {} seeds; in brackets over *proposed*."
+NOTE = (
+    "Mean absolute errors of 10 s on held-out recordings, means of {} seeds; ±: half of the 95 % interval, "
+    "recordings and seeds drawn again; in brackets over *proposed*."
+)
 
 
 def split(asked: Asked) -> Made:
@@ -157,13 +160,14 @@ def _features(found: Mapping[str, Mapping[str, Any]]) -> str:
         rows.append([name.replace("_", " "), *cells])
     head = [f"{what} {unit}" for what in columns for unit in ("°/s", "°")]
     seeds = min(cell["seeds"] for cell in found["reference"].values() if "seeds" in cell)
-    return f"{NOTE.format(seeds)}\n\n{table(['features', *head], rows)}"
+    return f"{filled(NOTE.format(seeds))}\n\n{table(['features', *head], rows)}"
 
 
 def _cell(column: Mapping[str, Any], name: str, key: str) -> str:
-    """The error, and its ratio to that of the proposed features."""
+    """The error, half of its interval where it has one, and its ratio to that of the proposed features."""
     if name not in column:
         return "–"
     value, proposed = column[name][key], column["proposed"][key]
     ratio = "" if name == "proposed" or name in SHIPPED else f" (×{value / proposed:.2f})"
-    return f"{value:.2f}{ratio}"
+    ends = column[name].get("ci95", {}).get(key)
+    return f"{value:.2f}{plus_minus(ends and (ends[1] - ends[0]) / 2)}{ratio}"

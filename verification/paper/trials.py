@@ -7,15 +7,18 @@ from typing import Any
 from records.paper import SLEW_ONLY, WITH_ESTIMATE, WITHOUT_ESTIMATE, Row, rows
 from verification.dossier.markdown import table
 from verification.paper.asked import ROLES, WHERE, Asked, code, digest, plant
-from verification.paper.made import COLUMNS, Made
+from verification.paper.made import COLUMNS, Made, filled, plus_minus
 from verification.paper.store import Store
 from verification.paper.trained import controller, policy
 from verification.plants import trial
-from verification.plants.trial import Job, Trial
+from verification.plants.trial import METRICS, RUN, Job, Trial
 
-METRICS = ("speed", "overshoot", "error", "tool")
 OURS = ""  # the paper's row of a line that the paper does not have
 HEAD = ("", "where", "controller", "load", "speed °/s", "overshoot °", "error {}", "tool °/s", "missed %")
+NOTE = (
+    f"±: standard error of the mean, the targets taken as independent; a load is drawn once for {RUN} of "
+    "them, so that of *unknown* is rather too small. The paper states none."
+)
 
 
 @dataclass(frozen=True)
@@ -124,11 +127,16 @@ def _text(place: str, papers: Mapping[str, Row], cells: Mapping[tuple[str, Line]
             missed = f"{100 * cell['missed_share']:.0f}"
             name = "" if row or column != COLUMNS[0] else first
             lines.append([name, WHERE[column], f"`{line.controller}`", line.load, *_numbers(cell), missed])
-    return table([h.format(unit) for h in HEAD], lines, right=range(4, 9))
+    return f"{table([h.format(unit) for h in HEAD], lines, right=range(4, 9))}\n\n{filled(NOTE)}"
 
 
 def _numbers(values: Mapping[str, Any]) -> list[str]:
-    return ["–" if values[name] is None else f"{values[name]:.2f}" for name in METRICS]
+    """Each metric, ours ± the standard error of its mean."""
+    off = values.get("standard_error", {})
+    return [
+        "–" if (value := values[name]) is None else f"{value:.2f}{plus_minus(off.get(name))}"
+        for name in METRICS
+    ]
 
 
 def ratios(made: Mapping[str, Any], column: str = "reference") -> str:

@@ -3,7 +3,8 @@
 WHY = {
     "data": """
         Minutes and shares are the paper's, because the plan `specs/collections/paper.toml` asks for them;
-        the nominal simulation has no column, because it is made from recordings and is not recorded.
+        pressures are higher and speeds lower than the authors', because another machine was recorded, the
+        reference machine (the nominal simulation is not recorded and has no column).
     """,
     "networks": """
         Sizes are the paper's; ours predict changes in the place of values and were trained further on 2 s
@@ -23,13 +24,15 @@ WHY = {
     """,
     "arm_and_tool": """
         The tool's swing agrees in period and damping, but the boom of the reference machine rings on the
-        oil of its cylinders after each change, which the paper's first order with delay leaves out.
+        oil of its cylinders after each change, which the paper's first order with delay leaves out
+        (the other two plants share arm and tool: one line lies on the other).
     """,
     "slew_only": """
         On the authors' networks, on which it was trained, PPO is faster and more accurate than in the
-        paper; on the other two plants it is slower and overshoots more, because it has learnt the answer of
-        one drive (with history less so than without), and PI overshoots less but misses most targets,
-        because it was tuned for the time-weighted error over many machines and creeps in the end.
+        paper, and at that speed its tool swings more; on the other two plants it is slower and overshoots
+        more, because it has learnt the answer of one drive (with history less so than without), and PI
+        overshoots less but misses most targets, because it was tuned for the time-weighted error over many
+        machines and creeps in the end.
     """,
     "four_targets": """
         As in the paper driver and controller take similar paths; here the driver is a model of an operator,
@@ -38,9 +41,10 @@ WHY = {
     """,
     "driver": """
         Our drivers are models of operators that were set to land near the paper's rows on the reference
-        machine, so that their agreement there is no result; the controller is faster and ends much nearer
-        than the paper's, because the joint angles of the target are an input and the simulated arm follows
-        its references well, and at that speed its tool swings more.
+        machine, so that their agreement there is no result (the inexperienced one's error is larger all the
+        same, and with 2 t the other is slower and overshoots more); the controller is faster and ends much
+        nearer than the paper's, because the joint angles of the target are an input and the simulated arm
+        follows its references well, and at that speed its tool swings more.
     """,
     "five_targets": """
         The paper does not count the targets that end within its circles, so there is nothing to differ
@@ -53,8 +57,9 @@ WHY = {
         whose swing does not depend on the load.
     """,
     "no_load_estimate": """
-        Speed is higher, overshoot and error are lower than in the paper for the reasons given at Table V,
-        and the tool swings about as much; as in the paper an unknown load costs little ("Empty" repeats
-        "Controller" of Table V: of an empty grab 0 is told either way).
+        Speed is higher, overshoot and error are lower than in the paper for the reasons given at Table V;
+        the tool swings up to a third more with an empty grab, somewhat less with an unknown load; as in the
+        paper such a load costs about a ninth of the speed on the reference machine, and less on the other
+        plants ("Empty" repeats "Controller" of Table V: of an empty grab 0 is told either way).
     """,
 }

@@ -35,6 +35,7 @@ REST_S = 5.0  # before the next target: the machine should be still
 CHATTER = 0.01  # of the joystick: smaller values have no sign
 MOST_OUTSIDE = 0.05  # share of a run out of the trained region, above which its figures are flagged
 LOADS = ("empty", "2t", "unknown")
+METRICS = ("speed", "overshoot", "error", "tool")
 NEEDED = ("true_q_slew", "true_qd_slew", "true_qd_tool_x", "true_qd_tool_y", "true_tool_x", "true_tool_y",
           "true_tool_z", "u_slew", "inertia")  # fmt: skip
 
@@ -183,16 +184,15 @@ def outside(network: SlewNetwork | None, record: Record) -> float | None:
 def figures(ran: Sequence[Ran], task: str) -> dict[str, Any]:
     """The means over all targets; flagged where one run or more is out of the trained region for too long."""
     rows = [row for one in ran for row in one.per_target]
-    mean = lambda name: float(np.mean([getattr(r, name) for r in rows]))  # noqa: E731
+    of = {name: name for name in METRICS} | {"error": "slew_error" if task == "slew" else "error"}
+    values = {name: [getattr(r, attribute) for r in rows] for name, attribute in of.items()}
     shares = [one.outside for one in ran if one.outside is not None]
     most = max(shares, default=None)
     return {
         "missed_share": float(np.mean([not r.reached for r in rows])),
-        "overshoot": mean("overshoot"),
-        "overshoot_max": max(r.overshoot for r in rows),
-        "error": mean("slew_error" if task == "slew" else "error"),
-        "speed": mean("speed"),
-        "tool": mean("tool"),
+        **{name: float(np.mean(v)) for name, v in values.items()},
+        "overshoot_max": max(values["overshoot"]),
+        "standard_error": {name: _standard_error(v) for name, v in values.items()},
         "rest_peak_to_peak": float(np.mean([v for one in ran for v in one.rest])),
         "sign_changes": sum(one.sign_changes for one in ran) / sum(one.seconds for one in ran),
         "targets": len(rows),
@@ -200,3 +200,8 @@ def figures(ran: Sequence[Ran], task: str) -> dict[str, Any]:
         "outside_max": most,
         "flagged": most is not None and most > MOST_OUTSIDE,
     }
+
+
+def _standard_error(values: Sequence[float]) -> float | None:
+    """Of the mean, the targets taken as independent; None of fewer than two."""
+    return float(np.std(values, ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None

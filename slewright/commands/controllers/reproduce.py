@@ -49,6 +49,7 @@ def reproduce(
     if budget not in BUDGETS or (quick and budget != "full"):
         raise InputError(f"--budget {budget}: valid: {', '.join(BUDGETS)}, or --quick alone")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from learning.policy.session import source_state
     from verification.paper import reproduction
 
     asked = reproduction.Options(name or (), "quick" if quick else budget, targets, policy or (), seed,
@@ -58,4 +59,4 @@ def reproduce(
     for text in reproduction.texts(found):
         typer.echo(text)
     typer.echo(f"page: {out / reproduction.PAGE}")
-    write(json, {"items": reproduction.figures(found)}, seed)
+    write(json, {"commit": source_state(), "items": reproduction.figures(found)}, seed)

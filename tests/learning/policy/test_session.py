@@ -132,6 +132,10 @@ def test_checkpoints_of_another_training_are_refused(network: Path, tmp_path: Pa
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
     with pytest.raises(InputError, match="no readable checkpoint"):
         session.run(options(network, tmp_path, "full"), quiet)
+    (tmp_path / "checkpoint.pt").unlink()
+    (tmp_path / "checkpoint.pt").mkdir()
+    with pytest.raises(InputError, match=r"checkpoint\.pt is a folder"):
+        session.run(options(network, tmp_path, "full"), quiet)
 
 
 def test_wrong_words_are_refused(network: Path, tmp_path: Path) -> None:

@@ -16,10 +16,10 @@ from slewright import __main__ as entry
 from slewright.commands.controllers.reproduce import ROLES
 from specs.errors import InputError
 from tests.conftest import ROOT
-from verification.paper import asked as asking, items, page as pages, reproduction, trials
+from verification.paper import asked as asking, items, reproduction, slew_model, trials
 from verification.paper.asked import EFFORTS, Asked
 from verification.paper.items import Item
-from verification.paper.made import COLUMNS, Made
+from verification.paper.made import COLUMNS, NO_BREAK, Made, filled
 from verification.paper.store import Store
 from verification.paper.why import WHY
 from verification.plants.trial import Job, Ran
@@ -73,6 +73,7 @@ def test_an_unknown_name_ends_with_2_and_the_valid_ones(capsys: Any, tmp_path: P
         (f"paper={POLICIES / 'slew.onnx'}", "slew.onnx: a policy of task slew; paper is of task full"),
         (f"paper={POLICIES / 'ppo.onnx'}", "ppo.onnx: a policy of recipe ppo; paper is of recipe paper"),
         (f"paper_slew_no_history={POLICIES / 'paper_slew.onnx'}", "a policy of history 5; .* of history 1"),
+        (f"paper={POLICIES / 'paper.onnx'} paper=x.onnx", "--policy paper=x.onnx: paper is given twice"),
         ("papre=x.onnx", "valid is ROLE=FILE.*paper"),
         ("x.onnx", "valid is ROLE=FILE"),
         ("paper=nothing.onnx", "no policy nothing.onnx"),
@@ -81,7 +82,7 @@ def test_an_unknown_name_ends_with_2_and_the_valid_ones(capsys: Any, tmp_path: P
 )
 def test_policies_that_do_not_fit_are_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        asking.policies([text])
+        asking.policies(text.split())
 
 
 def test_a_policy_with_weights_that_are_no_numbers_is_refused(tmp_path: Path) -> None:
@@ -98,6 +99,17 @@ def test_a_policy_with_weights_that_are_no_numbers_is_refused(tmp_path: Path) ->
 def test_wrong_words_end_with_2(words: list[str], tmp_path: Path, capsys: Any) -> None:
     assert entry.run(["reproduce", "networks", *words, "--out", str(tmp_path / "out")]) == 2
     assert "slewright: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("out", ["file", "file/below", "closed"])
+def test_a_folder_that_cannot_be_made_ends_with_2(out: str, tmp_path: Path, capsys: Any) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "closed").mkdir()
+    (tmp_path / "closed" / "items").touch()  # as a folder that cannot be written to: also for root
+    assert entry.run(["reproduce", "networks", "--quick", "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert str(tmp_path / out) in said
+    assert "(0/1)" not in said  # before the first item
 
 
 # ---- kept, and found again ----
@@ -147,6 +159,23 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert made == ["first", "second"] * 2
 
 
+def test_ours_are_shown_with_their_standard_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [replace(_rows()[0], speed=speed) for speed in (9.0, 11.0)]
+    monkeypatch.setattr(trials.trial, "run", lambda jobs, *_: (Ran(rows, [1.0], 3, 15.0, None) for _ in jobs))
+    monkeypatch.setattr(trials, "_jobs", lambda *_: [None])
+    text = trials.make(asked(tmp_path), SLEW_ONLY).text
+    assert "| 10.00 ± 1.00 | 0.50 ± 0.00 |" in text.replace(NO_BREAK, " ")
+    assert "| 14.04 | 38.10 |" in text  # the paper's
+    assert text.endswith(filled(trials.NOTE))
+
+
+def test_table_three_has_the_stored_intervals() -> None:
+    found = json.loads(slew_model.STORED.read_text())
+    text = slew_model._features(found)
+    assert "0.47 ± 0.15 (×0.75)" in text.replace(NO_BREAK, " ")
+    assert "| 1.80 (×1.12) |" in text  # the paper's
+
+
 def test_a_table_goes_on_cell_by_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[int] = []
 
@@ -187,6 +216,7 @@ def test_an_item_from_what_ships_with_its_page(tmp_path: Path, capsys: Any) -> N
     found = json.loads(out.read_text())
     assert [*found["items"]] == ["networks", "open_loop"]
     assert found["seed"] == 1
+    assert found["commit"]
     assert "slewright" in found["versions"]
     assert {"paper", *COLUMNS, "command"} <= {*found["items"]["networks"]}
     text = page.read_text()
@@ -203,7 +233,7 @@ def test_the_page_that_ships_has_every_item() -> None:
     places = [f"## {item.place}: {item.title}" for item in items.ITEMS]
     assert [line for line in text.splitlines() if line.startswith("## ")][:-1] == places
     for name in ORDER:
-        assert pages.filled(f"**Where they differ.** {WHY[name]}") in text, name
+        assert filled(f"**Where they differ.** {WHY[name]}") in text, name
 
 
 @pytest.mark.long

@@ -141,6 +141,17 @@ def test_a_trial_out_of_the_trained_region_is_flagged() -> None:
         assert bool(told) is flagged
 
 
+def test_means_come_with_their_standard_errors() -> None:
+    (row,) = _rows()
+    rows = [replace(row, speed=speed, slew_error=0.2) for speed in (9.0, 10.0, 11.0, 10.0)]
+    found = trial.figures([Ran(rows[:2], [1.0], 3, 15.0, None), Ran(rows[2:], [1.0], 3, 15.0, None)], "slew")
+    assert found["speed"] == 10.0
+    assert found["standard_error"]["speed"] == pytest.approx((2 / 3 / 4) ** 0.5)
+    assert found["standard_error"]["error"] == 0.0
+    (alone,) = _figures()
+    assert set(alone["standard_error"].values()) == {None}
+
+
 def test_a_plant_that_runs_away_is_named() -> None:
     (net,) = untrained(1).velocity
     wild = replace(net, weights=(*net.weights[:-1], 1e4 * net.weights[-1]))
