@@ -12,7 +12,7 @@ from baselines.nmpc import estimator, prediction, solver
 from baselines.nmpc.estimator import CHANNELS, PERIOD, WAY
 from baselines.nmpc_path import cost
 from baselines.nmpc_path.field import Field
-from baselines.nmpc_path.model import ACTING, BELIEVED, ESTIMATOR
+from baselines.nmpc_path.sensed import ACTING, BELIEVED, ESTIMATOR
 from baselines.planning.path import TICK_S, Path
 from fmus.equations import kinematics
 from fmus.toolchain.discrete import DiscreteStepper
