@@ -36,9 +36,6 @@ OF_SAMPLES = 1e-3  # … or of so many by sample, where there are more of them
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
-LONGEST = (
-    4.0  # of the time in which outputs forget: a disturbance that remembers longer takes over constant loads
-)
 
 
 class Core:
@@ -313,7 +310,7 @@ class Core:
                 size = self.scales[place].f
             found += [
                 Free(SIGMA + place, 0.1 * size, 1.5, True, 1e-4 * size, 30.0 * size),
-                Free(TAU + place, tau, 1.0, True, 2.0 * self.period, LONGEST * max(tau, self.period)),
+                Free(TAU + place, tau, 1.0, True, 2.0 * self.period, 30.0 * max(tau, self.period)),
                 Free(
                     WHITE + place,
                     0.02 * size * np.sqrt(self.period),
