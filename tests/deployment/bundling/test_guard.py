@@ -27,9 +27,9 @@ def of(*things: Thing) -> Scene:
 
 
 @pytest.mark.long
-def test_every_scene_that_is_not_sealed_can_be_guarded() -> None:
+def test_every_scene_that_is_not_sealed_and_stands_still_can_be_guarded() -> None:
     for name in (*scenes.names(), *(which for which in SETS if which != "test")):
-        for scene in find([name]):
+        for scene in (one for one in find([name]) if not any(thing.path for thing in one.things)):
             found = guard.zones(scene)
             assert max(map(len, found.sectors)) <= RECTS
             assert any(found.sectors), scene.name
