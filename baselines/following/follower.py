@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from baselines.following.arrival import Arrival
+from baselines.following.arrival import Arrival, of_path
 from baselines.following.tracker import TRACKER
 from baselines.nmpc_path.follower import Predictive, pace
 from baselines.planning.flat import led
@@ -55,7 +55,7 @@ class Tracking:
         if self._leads:
             path = led(path, 1.0 / self._stepper.state("inverse_length"))
         self._path, self._tick = path, 0
-        self._arrival.begin(path)
+        self._arrival.begin(of_path(path))
 
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
         """One step on the path, or standing at its end."""

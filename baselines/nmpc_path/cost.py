@@ -20,12 +20,8 @@ POSE = ("slew", "boom", "stick", "pitch", "roll")  # what distances depend on, i
 PLANES = 3  # nearest things that a stage knows of: two of the tool, one of the arm
 SWING_RATE = 2.2  # 1/s: rate with which a swing of 1 rad goes through the middle
 TOLD = ("load", "slew", "radius", "height", "speed", "place", "speed_weight", "tool", "swing", "near")
-LENGTHS = (
-    1.0,
-    0.5,
-    0.2,
-    0.05,
-)  # of a step: where the way leads over a rim, only small ones are downhill at first
+# of a step: where the way leads over a rim, only small ones are downhill at first
+LENGTHS = (1.0, 0.5, 0.2, 0.05)
 SIZE = len(TOLD) + PLANES * (1 + len(POSE))
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from baselines.following.arrival import Arrival
+from baselines.following.arrival import Arrival, of_path
 from baselines.nmpc import estimator, prediction, solver
 from baselines.nmpc.estimator import CHANNELS, PERIOD, WAY
 from baselines.nmpc_path import cost
@@ -49,7 +49,7 @@ class Predictive:
     def begin(self, path: Path) -> None:
         """Follow this path."""
         self._tick = 0
-        self._arrival.begin(path)
+        self._arrival.begin(of_path(path))
         radius, height = kinematics.arm_tip(path.angles[:, 1], path.angles[:, 2], kinematics.geometry())
         self._way = np.stack([path.angles[:, 0], radius, height, path.rates[:, 0]], axis=1)
 

@@ -22,10 +22,12 @@ from baselines.optima.collocation import POINTS, TAU, Phase, Problem, Unknowns
 from baselines.optima.plant import PRESSURE, STATES, Plant
 from baselines.optima.problem import ARM_SMOOTH, SMOOTH
 from baselines.planning.path import TICK_S, Path
+from baselines.planning.timing import squared_speed
 from fmus.equations import kinematics
 from specs.distance import solids
 from specs.scene import Scene
 
+JOINTS, RATES = ("slew", "boom", "stick"), ("slew_rate", "boom_rate", "stick_rate")
 INTERVALS = (32, 4)
 STAYS_S = 0.5  # in the tolerance, as scores ask
 KEEP_M = 0.1  # off things: no run that was scored came nearer without touching
@@ -82,7 +84,7 @@ class Leg:
         away = grab(going.ends[:, -1]) - target
         problem.demand(ca.sumsqr(away), 0.0, self.path.tolerance_m**2)
         end = staying.ends[:, -1]
-        for name in ("slew_rate", "boom_rate", "stick_rate"):
+        for name in RATES:
             problem.demand(end[STATES.index(name)], -AT_REST, AT_REST)
         for name in ("pitch", "roll"):
             problem.demand(end[STATES.index(name)], -HANGS, HANGS)
@@ -104,7 +106,8 @@ class Leg:
                 low, high = getattr(p, f"{joint}_min"), getattr(p, f"{joint}_max")
                 problem.demand(part.ends[STATES.index(joint), k], low, high)
         for k, limit in self._slow(near):
-            problem.demand(_speed(part.ends[:, k]), 0.0, limit**2)
+            x = [part.ends[STATES.index(name), k] for name in (*JOINTS, *RATES)]
+            problem.demand(squared_speed(x[:3], x[3:]), 0.0, limit**2)
 
     def _slow(self, near: np.ndarray) -> list[tuple[int, float]]:
         """(interval, m/s) where the way is in a slow zone."""
@@ -124,7 +127,7 @@ class Leg:
         for n, span in zip(INTERVALS, lengths, strict=True):
             points = (begin + span / n * (np.arange(n)[:, None] + TAU[None, 1:])).ravel()
             x = np.zeros((len(STATES), len(points)))
-            for j, joint in enumerate(("slew", "boom", "stick")):
+            for j, joint in enumerate(JOINTS):
                 x[STATES.index(joint)] = np.interp(points, ticks, self.path.angles[:, j])
                 x[STATES.index(f"{joint}_rate")] = np.interp(points, ticks, self.path.rates[:, j])
             speed = x[STATES.index("slew_rate")]
@@ -149,17 +152,6 @@ def grab(x: Any) -> Any:
     out, down = radius - hung * ca.sin(v["pitch"]), hung * ca.cos(v["pitch"])
     c, s = ca.cos(v["slew"]), ca.sin(v["slew"])
     return ca.vertcat(out * c - along * s, out * s + along * c, height - down)
-
-
-def _speed(x: ca.MX) -> ca.MX:
-    """The grab's speed squared, as if it hung straight."""
-    g = kinematics.geometry()
-    boom, stick, qd_boom, qd_stick = (
-        x[STATES.index(name)] for name in ("boom", "stick", "boom_rate", "stick_rate")
-    )
-    radius, _ = kinematics.arm_tip(boom, stick, g)
-    out, up = kinematics.arm_tip_rate(boom, stick, qd_boom, qd_stick, g)
-    return (radius * x[STATES.index("slew_rate")]) ** 2 + out**2 + up**2
 
 
 def _roughness(problem: Problem) -> ca.MX:

@@ -183,8 +183,7 @@ class Planner:
         """Whether the hanging grab comes within this share of the tolerance of all that it is to pass."""
         if not len(passed):
             return True
-        grab = pose.grab(np.hstack([angles, np.zeros((len(angles), 2))]), self.body.sizes)
-        away = np.linalg.norm(grab[:, None, :] - passed, axis=2)
+        away = np.linalg.norm(_hung(angles, self.body.sizes)[:, None, :] - passed, axis=2)
         return bool(np.all(away.min(axis=0) <= share * self.scene.tolerance_m))
 
     def _limits(self, curve: BSpline) -> Limits:
@@ -280,4 +279,8 @@ def _text(target: Target) -> str:
 
 def hanging(path: Path) -> np.ndarray:
     """The way of the grab (n, 3) as it hangs straight on a path."""
-    return pose.grab(np.hstack([path.angles, np.zeros((len(path.angles), 2))]), shapes.sizes())
+    return _hung(path.angles, shapes.sizes())
+
+
+def _hung(angles: np.ndarray, sizes: Mapping[str, float]) -> np.ndarray:
+    return pose.grab(np.hstack([angles, np.zeros((len(angles), 2))]), sizes)

@@ -71,7 +71,7 @@ def _fastest(angles: np.ndarray, along: np.ndarray, limits: Limits, slow: Any) -
     small = 1e-9
     by_joint = np.min(limits.rates / np.maximum(np.abs(along), small), axis=1)
     by_flow = limits.flow / np.maximum(pumped(angles, along), small)
-    by_grab = slow(angles) / np.maximum(_grab_speed(angles, along), small)
+    by_grab = slow(angles) / np.maximum(np.sqrt(squared_speed(angles.T, along.T)), small)
     return np.minimum(np.minimum(by_joint, by_flow), by_grab)
 
 
@@ -86,12 +86,12 @@ def pumped(angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
     return total
 
 
-def _grab_speed(angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    p = kinematics.geometry()
-    radius, _ = kinematics.arm_tip(angles[:, 1], angles[:, 2], p)
-    (_, boom, stick), (_, qd_boom, qd_stick) = angles.T, rates.T
+def squared_speed(pose: Any, rates: Any) -> Any:
+    """Of the grab as it hangs straight, m2/s2: slew, boom and stick, and their rates; numbers or symbols."""
+    p, (_, boom, stick), (qd_slew, qd_boom, qd_stick) = kinematics.geometry(), pose, rates
+    radius, _ = kinematics.arm_tip(boom, stick, p)
     out, up = kinematics.arm_tip_rate(boom, stick, qd_boom, qd_stick, p)
-    return np.sqrt((radius * rates[:, 0]) ** 2 + out**2 + up**2)
+    return (radius * qd_slew) ** 2 + out**2 + up**2
 
 
 def _bound(constraint: Any, fastest: Any) -> Any:

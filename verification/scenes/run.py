@@ -1,8 +1,7 @@
 """One run of a scene: planned, driven on the simulated reference machine, recorded, its contacts checked."""
 
-import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path as File
 from tempfile import TemporaryDirectory
@@ -12,7 +11,7 @@ import numpy as np
 
 from baselines import registry
 from baselines.following import follower
-from baselines.following.arrival import MOST_EXTRA_S, SENSED, STILL_S
+from baselines.following.arrival import MOST_EXTRA_S, SENSED, Arrival, End, of_path
 from baselines.planning.path import Path
 from baselines.planning.planner import Leg, Planner, hanging, pose_of
 from orchestrator.run.master import Options
@@ -23,7 +22,7 @@ from orchestrator.system.pack import pack_system
 from orchestrator.system.system import System
 from records.record import Record
 from records.schema import TIME
-from specs import keys, pose, shapes, systems as systems_spec
+from specs import keys, shapes, systems as systems_spec
 from specs.errors import InputError, nearest
 from specs.scene import Goal, Scene
 from specs.version import VERSION
@@ -170,16 +169,10 @@ def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
 
 @dataclass(frozen=True)
 class Aim:
-    """What a controller of targets is told on its way (n, 3), and where that ends (n, 3), at each tick.
-
-    `longest_s`: for how long at most; `stays_s`, `within_m`: how long and how near it is to be at the end.
-    """
+    """What a controller of targets is told on its way (n, 3) at each tick, and where that ends."""
 
     way: np.ndarray
-    end: np.ndarray
-    longest_s: float
-    within_m: float
-    stays_s: float = STILL_S
+    end: End
 
 
 class Aims:
@@ -189,20 +182,22 @@ class Aims:
         self.begins: list[int] = []
         self.aims = [_led(leg.path) for leg in legs if leg.path]
         self.aims = self.aims or [_straight(target, scene.tolerance_m) for target in scene.targets]
-        self._sizes = shapes.sizes()
-        self._near = self._after = 0
+        self._arrival = Arrival()
+        self._after = 0
 
     @property
     def longest_s(self) -> float:
         """For all of them."""
-        return sum(aim.longest_s for aim in self.aims)
+        return sum(aim.end.longest_s for aim in self.aims)
 
     def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         """Inputs of the system; None some time after the last target."""
-        if not self.begins or self._ended(tick, sensors):
+        if self.begins:
+            self._arrival.watch(sensors)
+        if self._arrival.ended:
             if len(self.begins) < len(self.aims):
+                self._arrival.begin(self.aims[len(self.begins)].end)
                 self.begins.append(tick)
-                self._near = 0
             else:
                 self._after += 1
         way = self.aims[len(self.begins) - 1].way
@@ -211,26 +206,18 @@ class Aims:
         over = self._after * TICK_S >= AFTER_S
         return None if over else {**told, "load_told": 0.0, "pace": 1.0}
 
-    def _ended(self, tick: int, sensors: Mapping[str, float]) -> bool:
-        """Whether the grab has been near the target for long enough, or it took too long."""
-        aim, since = self.aims[len(self.begins) - 1], tick - self.begins[-1]
-        grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), self._sizes)[0]
-        near = math.dist(grab, aim.end[min(since, len(aim.end) - 1)]) <= aim.within_m
-        self._near = self._near + 1 if near else 0
-        return self._near * TICK_S >= aim.stays_s or since * TICK_S >= aim.longest_s
-
 
 def _led(path: Path) -> Aim:
-    """Along a planned path."""
-    return Aim(hanging(path), path.targets, path.seconds + MOST_EXTRA_S, path.tolerance_m)
+    """Along a planned path; it may be there before the plan."""
+    return Aim(hanging(path), replace(of_path(path), there_s=0.0))
 
 
 def _straight(target: Goal, tolerance_m: float) -> Aim:
     """Straight to a target; one that is passed is left as soon as it is near by the sensors."""
     places = target.at(np.arange(round(DIRECT_S / TICK_S) + 1 if target.path else 1) * TICK_S)
     if target.through:
-        return Aim(places, places, DIRECT_S, LEFT_SHARE * tolerance_m, TICK_S)
-    return Aim(places, places, DIRECT_S, tolerance_m)
+        return Aim(places, End(places, LEFT_SHARE * tolerance_m, DIRECT_S, stays_s=TICK_S))
+    return Aim(places, End(places, tolerance_m, DIRECT_S))
 
 
 def _driven(
