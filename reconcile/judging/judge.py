@@ -157,7 +157,8 @@ class Judge:
             weak = [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
                 break
-            worst = min(weak, key=lambda a: shares[a][0])
+            # two that can stand for each other both take nothing away: the likelier one stays
+            worst = max(weak, key=lambda a: self.beam.evidence(key - {a}))
             left, _ = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})

@@ -64,7 +64,7 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
 
 def write_first(path: Path, core: Core, title: str) -> Path:
     """Write what there is to see before effects are looked for: what the fitted model lacks."""
-    forces = [f for i, m in enumerate(missing(core, core.base, core.base)) for f in plots.missing(i, m)]
+    forces = [f for i, m in enumerate(missing(core, core.shown, core.shown)) for f in plots.missing(i, m)]
     report = path.stem.removesuffix("-first")
     body = [
         f"<style>{_style()}</style><header><h1>Slewright · reconcile {escape(title)}</h1>"

@@ -93,7 +93,7 @@ def shown(found: Findings) -> Shown:
     """What to draw of what was found: the windows that tell most first."""
     order = sorted(range(_count(found)), key=lambda k: -_telling(found, k))
     located = [x for x in found.located if x.accounts][:RESIDUALS]
-    forces = missing(found.core, found.answer.base, found.answer.point)
+    forces = missing(found.core, found.core.shown, found.answer.point)
     return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located), forces)
 
 

@@ -79,7 +79,7 @@ def gather(answer: Answer) -> Findings:
     core = answer.core
     points = dict(zip(STAGES, (core.nominal(), answer.base, answer.point), strict=True))
     traces = {stage: holdout.predict(core, p) for stage, p in points.items()}
-    return Findings(core, answer, traces, locate(core, answer.base), _floors(core))
+    return Findings(core, answer, traces, locate(core, core.shown), _floors(core))
 
 
 def _floors(core: Core) -> dict[str, Floor]:

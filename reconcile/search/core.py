@@ -36,6 +36,9 @@ OF_SAMPLES = 1e-3  # … or of so many by sample, where there are more of them
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
+# times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
+# where effects are looked for, since one that remembers long takes over what is constant
+SHOWN_MEMORY, FITTED_MEMORY = 30.0, 4.0
 
 
 class Core:
@@ -75,6 +78,7 @@ class Core:
         # by what channels are multiplied by: error ahead and fit of the model without effects
         self.turned: dict[frozenset, tuple[float, Point] | None] = {}
         self.slow: Point | None = None  # the base model with little noise, as slow motion has it
+        self.shown: Point  # the base model whose disturbance holds all that is missing, what is constant too
         self.values = self._first_values()
         noise = {n: v for n, v in self.values.items() if n.startswith(NOISES)}
         self.little = noise | {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
@@ -209,11 +213,12 @@ class Core:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""
         for first in (True, False):
             self._measure()
-            self.noise_free = self._noise_free()
+            self.noise_free = self._noise_free(SHOWN_MEMORY if first else FITTED_MEMORY)
             self.base_free = self._free.of_base()
             self.base = self._base_fit(first)
             self.values = self.base.values
             if first:  # with the noise that was found, smaller errors of a step show
+                self.shown = self.base
                 self._choose_substeps()
 
     def _base_fit(self, first: bool) -> Point:
@@ -302,7 +307,7 @@ class Core:
 
     # ---------------------------------------------------------------- what is fitted
 
-    def _noise_free(self) -> list[Free]:
+    def _noise_free(self, memory: float) -> list[Free]:
         found = []
         for k, place in enumerate(self.kalman.places):
             size, tau = self._force(k)
@@ -310,7 +315,7 @@ class Core:
                 size = self.scales[place].f
             found += [
                 Free(SIGMA + place, 0.1 * size, 1.5, True, 1e-4 * size, 30.0 * size),
-                Free(TAU + place, tau, 1.0, True, 2.0 * self.period, 30.0 * max(tau, self.period)),
+                Free(TAU + place, tau, 1.0, True, 2.0 * self.period, memory * max(tau, self.period)),
                 Free(
                     WHITE + place,
                     0.02 * size * np.sqrt(self.period),

@@ -67,9 +67,22 @@ class Sets:
             if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
-            starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
-            self.scored[key] = Screen(self.core, self.points[key], self.shapes).all(others, starts)
+            self.scored[key] = self._asked(key, others)
         return self.scored[key]
+
+    def scores_of(self, key: Key, candidates: Iterable[Attached]) -> list[Scored]:
+        """Scores of these candidates beside a set, best first, however little they gained at first."""
+        wanted, known = set(candidates), self.scores(key)
+        hopeless = {s.attached for s in self.scored.get(frozenset(), ()) if not np.isfinite(s.gain)}
+        asked = {s.attached for s in known} | hopeless
+        more = [a for a in self.beside(key) if a in wanted and a not in asked]
+        if more and not self.spent():
+            self.scored[key] = sorted([*known, *self._asked(key, more)], key=lambda s: -s.gain)
+        return [s for s in self.scored.get(key, known) if s.attached in wanted]
+
+    def _asked(self, key: Key, candidates: Sequence[Attached]) -> list[Scored]:
+        starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
+        return Screen(self.core, self.points[key], self.shapes).all(candidates, starts)
 
     def attempt(self, key: Key, scored: Scored) -> Key | None:
         """Fit a set with one effect more, from its values and from a quiet disturbance."""

@@ -32,7 +32,7 @@ class Shapes:
     def _over_place(self, a: Attached) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Place, speed and missing force [N] of the axis at which an effect is."""
         if self._forces is None:
-            self._forces = missing_forces(self.core, self.core.base)
+            self._forces = missing_forces(self.core, self.core.shown)
         axis = self.core.folder.ports.axis(a.port)
         found = next((f for f in self._forces if f.axis == a.port), None)
         if found is None or axis.position is None:

@@ -50,13 +50,13 @@ class Swaps:
         ]
 
     def alike(self, key: Key, a: Attached) -> list[Scored]:
-        """Scores beside a set of effects of an effect's kind that move an output which it moves."""
-        return [
-            s
-            for s in self.sets.scores(key)
-            if kind(s.attached.effect.name) == kind(a.effect.name)
-            and self.sets.core.reach.common(a, s.attached)
-        ]
+        """Scores beside a set of effects of an effect's kind that move an output which it moves.
+
+        All of them: one that gained nothing from the model without effects may be the right one beside others.
+        """
+        own, reach = kind(a.effect.name), self.sets.core.reach
+        alike = [b for b in self.sets.beside(key) if kind(b.effect.name) == own and reach.common(a, b)]
+        return self.sets.scores_of(key, alike)
 
     def _in_place(self, key: Key, a: Attached, scored: Scored) -> Key:
         """The set with another effect in an effect's place, fitted from its values, once."""
@@ -94,8 +94,7 @@ class Swaps:
         if less not in self.sets.points:
             return None
         limits = [
-            s
-            for s in self.sets.scores(less)
-            if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port
+            b for b in self.sets.beside(less) if b.effect.name in a.effect.becomes and b.port == a.port
         ]
-        return self._in_place(key, a, limits[0]) if limits else None
+        found = self.sets.scores_of(less, limits)
+        return self._in_place(key, a, found[0]) if found else None

@@ -8,14 +8,14 @@ import pytest
 from fmus.definition import Variable
 from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
-from reconcile.filter.kalman import NOISES
+from reconcile.filter.kalman import NOISES, TAU
 from reconcile.filter.point import Free
 from reconcile.judging.answer import standard_errors
 from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
 from reconcile.search.beam import Beam
-from reconcile.search.core import Core
+from reconcile.search.core import FITTED_MEMORY, Core
 from reconcile.search.free import FreeParameters, stated
 from reconcile.search.screen import Screen
 from reconcile.tolerances import SURE
@@ -45,6 +45,16 @@ def test_a_search_ends_where_the_filter_has_gone_enough_steps_and_is_not_sure_th
     probable = Judge(short).decide().probability
     assert max(probable.values(), default=0.0) <= UNTRIED < SURE
     assert Judge(friction).decide().probability["coulomb_friction"] >= SURE
+
+
+def test_the_disturbance_does_not_remember_so_long_that_it_takes_over_a_constant_load():
+    key = "constant_load@v"
+    beam = Beam(cored(recorded(Truth(force=lambda x, v, t: 0.3), seconds=40.0, seed=4), key))
+    found = fitted(beam, [key])
+    assert beam.core.base.values[TAU + "v"] <= FITTED_MEMORY * beam.core.memory_s * (1.0 + 1e-9)
+    assert (
+        beam.evidence(found) - beam.evidence(frozenset()) > 120.0
+    )  # 73 where it may remember 30 times as long
 
 
 def late(u: np.ndarray) -> np.ndarray:
