@@ -5,7 +5,7 @@ run is cut into interleaved blocks with guard gaps between them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reconcile.equations.model import Folder
-from reconcile.recordings import sizes
+from reconcile.recordings import sizes, turns
 from records.formats import read_measurement
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
@@ -108,6 +108,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
     channels = {n: _in_unit(measured[n], units[n], where) for n in (*inputs, *outputs)}
     _check_numbers(channels, where)
+    turned = _continuous(channels, outputs)
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []
@@ -118,7 +119,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             signals = [_cut(channels, names, start, end) for names in (inputs, outputs)]
             label = name if not runs else f"{name}.{len(runs)}"
             before = start - pieces[0].start_s
-            notes = () if runs else measured.repairs  # said once for a recording, not for each stretch
+            notes = () if runs else (*measured.repairs, *turned)  # said once for a recording, not for each stretch
             runs.append(Run(label, start, end, *signals, notes=notes, of=name, before_s=before))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
@@ -147,6 +148,18 @@ def _in_unit(channel: Channel, unit: str, where: str) -> Channel:
         return channel
     values = converted(channel.values, channel.unit, spelled(unit), f"{where}: channel {channel.name}")
     return Channel(channel.name, unit, channel.time, values, channel.description)
+
+
+def _continuous(channels: dict[str, Channel], outputs: Sequence[str]) -> list[str]:
+    """Make angles of sensors that wrap continuous, in place; what there is to say of it."""
+    said = []
+    for n in outputs:
+        channel = channels[n]
+        values = turns.continuous(channel.values.astype(float), channel.unit)
+        if not np.array_equal(values, channel.values):
+            channels[n] = replace(channel, values=values)
+            said.append(f"{n} jumps by a turn where its sensor begins again: made continuous")
+    return said
 
 
 def _check_numbers(channels: Mapping[str, Channel], where: str) -> None:

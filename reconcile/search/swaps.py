@@ -52,7 +52,7 @@ class Swaps:
     def alike(self, key: Key, a: Attached) -> list[Scored]:
         """Scores beside a set of effects of an effect's kind that move an output which it moves.
 
-        All of them: one that gained nothing from the model without effects may be the right one beside others.
+        All of them: one that gained nothing at first may be the right one beside others.
         """
         own, reach = kind(a.effect.name), self.sets.core.reach
         alike = [b for b in self.sets.beside(key) if kind(b.effect.name) == own and reach.common(a, b)]
