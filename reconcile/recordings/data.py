@@ -119,7 +119,8 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             signals = [_cut(channels, names, start, end) for names in (inputs, outputs)]
             label = name if not runs else f"{name}.{len(runs)}"
             before = start - pieces[0].start_s
-            notes = () if runs else (*measured.repairs, *turned)  # said once for a recording, not for each stretch
+            # said once for a recording, not for each stretch
+            notes = () if runs else (*measured.repairs, *turned)
             runs.append(Run(label, start, end, *signals, notes=notes, of=name, before_s=before))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))

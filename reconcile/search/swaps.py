@@ -93,8 +93,6 @@ class Swaps:
         less = key - {a}
         if less not in self.sets.points:
             return None
-        limits = [
-            b for b in self.sets.beside(less) if b.effect.name in a.effect.becomes and b.port == a.port
-        ]
+        limits = [b for b in self.sets.beside(less) if b.effect.name in a.effect.becomes and b.port == a.port]
         found = self.sets.scores_of(less, limits)
         return self._in_place(key, a, found[0]) if found else None
