@@ -21,6 +21,7 @@ class Stepped(Assembly):
     """An extended model taken apart for the filter; arguments of all functions are (x, u, m, p)."""
 
     stops = True
+    sensors_move = False  # whether memories of sensors move on now, or have done so already
 
     def __init__(self, extended: Extended, outputs: Sequence[str], pushed_states: Sequence[str] = ()):
         super().__init__(extended)
@@ -53,8 +54,9 @@ class Stepped(Assembly):
     @cached_property
     def stages(self) -> dict[str, ca.Function]:
         """All functions of filter.c but the derivatives."""
-        step, self.step, self.averaged = self.step, self.dt, True
-        felt = super()._inputs()  # memories of inputs step exactly
+        # memories of inputs step exactly; a continuous model feels their mean over the step, one in steps does not
+        step, self.step, self.averaged = self.step, self.dt, self.model.kind == "continuous"
+        felt = super()._inputs()
         self.averaged = False
         moved = [self.next[n] for n in self.memory_names]
         first = [self.starts[n] for n in self.memory_names]
@@ -88,6 +90,13 @@ class Stepped(Assembly):
 
     def _inputs(self) -> ca.SX:
         return self._recorded_inputs()  # felt already
+
+    def _outputs(self, outputs: ca.SX) -> ca.SX:
+        """What sensors show: their memories move after each step, and not once more where they are read."""
+        step, self.step = self.step, self.step if self.sensors_move else None
+        shown = super()._outputs(outputs)
+        self.step = step
+        return shown
 
     def _motion_parts(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         f, h, _ = Assembly.functions(self)
@@ -144,9 +153,11 @@ class Stepped(Assembly):
             return moves[-2][0], moves[-1][0]
 
         self.built.clear()
-        self.step, self.slope = self.dt, slope
+        # what goes in steps holds its values between them, for its sensors too
+        self.step, self.slope = self.dt, slope if self.model.kind == "continuous" else None
+        self.sensors_move = True
         self._outputs(ca.SX(self.model.h(self.x[: self.nx], self._inputs(), self.m, self.used_p)))
-        self.slope = None
+        self.slope, self.sensors_move = None, False
         for a in self.shown:
             for h in a.effect.hidden:
                 after[self.state_names.index(a.name(h))] = self.next[a.name(h)]

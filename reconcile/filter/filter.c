@@ -352,54 +352,51 @@ static void times(const double *r, const double *a, int columns, double *out) {
   }
 }
 
+/* x'' where x' = f and its slopes are a. */
+static void follow_rates(const double *a, const double *f, double *bend) {
+  for (int i = 0; i < NX; i++) {
+    bend[i] = 0.0;
+    for (int j = 0; j < NX; j++) bend[i] += a[j * NX + i] * f[j];
+  }
+}
+
 /* What samples earlier than the step show, or with `side` 1 later ones: of the state then, by its rates under u to second
- * order. */
+ * order.  Between two states of a model in steps lies the straight line, beyond them a parabola through three. */
 static void shifted(const Run *run, int side, const double *early, const double *x, const double *u, const double *m,
                     double *y, double *hx, double *hw) {
-  static double f[NX], a[NX * NX], b[NX * NW + 1], f2[NX], a2[NX * NX], b2[NX * NW + 1], slope[NX], bend[NX];
+  static double f[NX], a[NX * NX], b[NX * NW + 1], f2[NX], a2[NX * NX], b2[NX * NW + 1], bend[NX];
   static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1];
   call(kf_fj, x, u, m, run->p, f, a, b);
   if (DISCRETE) call(kf_fj, f, u, m, run->p, f2, a2, b2);
-  for (int i = 0; i < NX; i++) {
-    if (DISCRETE) { /* a parabola through this and the next two */
-      slope[i] = (4.0 * f[i] - 3.0 * x[i] - f2[i]) / (2.0 * STEP);
-      bend[i] = (f2[i] - 2.0 * f[i] + x[i]) / (STEP * STEP);
-    } else {
-      slope[i] = f[i];
-      bend[i] = 0.0;
-      for (int j = 0; j < NX; j++) bend[i] += a[j * NX + i] * f[j];
-    }
-  }
+  else follow_rates(a, f, bend);
   for (int o = 0; o < NY; o++) {
-    const double e = early[o], half = 0.5 * e * e;
+    const double e = early[o], half = 0.5 * e * e, parts = e / STEP;
     if (e == 0.0 || (e < 0.0) != side) continue;
-    for (int i = 0; i < NX; i++) then[i] = x[i] - e * slope[i] + half * bend[i];
+    const int between = parts < 0.0 && parts >= -1.0 - 1e-6;
+    /* by f and the next: of a model in steps states, of others x' and x'' */
+    const double one = !DISCRETE ? -e : between ? -parts : -2.0 * parts - parts * parts;
+    const double two = !DISCRETE ? half : between ? 0.0 : 0.5 * (parts + parts * parts);
+    const double none = DISCRETE ? 1.0 - one - two : 1.0;
+    for (int i = 0; i < NX; i++) then[i] = none * x[i] + one * f[i] + two * (DISCRETE ? f2[i] : bend[i]);
     call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
     y[o] = y1[o];
     for (int i = 0; i < NX; i++) r[i] = hx1[i * NY + o];
     times(r, a, NX, ra);
     times(r, b, NW, rb);
-    if (DISCRETE) { /* by the step after the next: r a2 a, r (a2 b + b2) */
+    if (DISCRETE) { /* of the step after the next: r a2 a, r (a2 b + b2) */
       static double through[NX];
       times(r, a2, NX, through);
       times(through, a, NX, raa);
       times(through, b, NW, rab);
-      for (int i = 0; i < NX; i++) {
-        hx[i * NY + o] = r[i] - e * (4.0 * ra[i] - 3.0 * r[i] - raa[i]) / (2.0 * STEP) +
-                         half * (raa[i] - 2.0 * ra[i] + r[i]) / (STEP * STEP);
-      }
       for (int i = 0; i < NW; i++) {
-        double twice = rab[i];
-        for (int j = 0; j < NX; j++) twice += r[j] * b2[i * NX + j];
-        hw[i * NY + o] = hw1[i * NY + o] - e * (4.0 * rb[i] - twice) / (2.0 * STEP) +
-                         half * (twice - 2.0 * rb[i]) / (STEP * STEP);
+        for (int j = 0; j < NX; j++) rab[i] += r[j] * b2[i * NX + j];
       }
     } else {
       times(ra, a, NX, raa);
       times(ra, b, NW, rab);
-      for (int i = 0; i < NX; i++) hx[i * NY + o] = r[i] - e * ra[i] + half * raa[i];
-      for (int i = 0; i < NW; i++) hw[i * NY + o] = hw1[i * NY + o] - e * rb[i] + half * rab[i];
     }
+    for (int i = 0; i < NX; i++) hx[i * NY + o] = none * r[i] + one * ra[i] + two * raa[i];
+    for (int i = 0; i < NW; i++) hw[i * NY + o] = hw1[i * NY + o] + one * rb[i] + two * rab[i];
   }
 }
 

@@ -254,7 +254,9 @@ class Kalman:
             if self.model.kind == "continuous":
                 time, step = record.parts(late_in)
             u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), time) for v in own]
-            seen = [record.output(n, late_out[n]) for n in self.outputs]
+            # between two steps of a model in steps its outputs are known, beyond one they are not
+            after = self.model.kind == "discrete" and self.substeps == 1
+            seen = [record.output(n, late_out[n], after) for n in self.outputs]
             pushes = np.zeros((len(self.places), len(time)))
             lengths = np.diff(time, append=record.time[-1] + record.steps[-1])
             first = np.searchsorted(step, np.arange(len(record.time)))

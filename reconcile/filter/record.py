@@ -11,6 +11,7 @@ from reconcile.recordings.held import Held
 
 KEPT = 200  # rows of signals, by their delays, that are kept
 NEAR = 0.51  # of a step, by which a sample may be away from it
+AT = 1e-6  # of a step, by which a sample may be before it and is still at it
 MOST_CHANGES = 3  # of inputs a step: where they change more often, each step has their mean
 CLOSE = 1e-3  # of a step, by which an input may change before or after it without a step of its own
 
@@ -53,12 +54,15 @@ class Record:
             (name, late, len(time), float(time.sum())), lambda: Held(signal).means(edges - late)
         )
 
-    def output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    def output(
+        self, name: str, late: tuple[float, float], after: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Samples of an output [n] (NaN: none) and by how much they are earlier than their step (s).
 
-        `late`: its delay (s), and what that gains per second of the recording.
+        `late`: its delay (s), and what that gains per second of the recording.  `after`: each at the step
+        that it comes after, and not at the nearest.
         """
-        return self._kept((name, late), lambda: self._output(name, late))
+        return self._kept((name, late, after), lambda: self._output(name, late, after))
 
     def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
         """What was made before: of several signals mostly one changes its delay."""
@@ -83,17 +87,21 @@ class Record:
         time = np.sort(np.concatenate([self.time, every[inside]]))
         return time, np.searchsorted(self.time, time, side="right") - 1
 
-    def _output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    def _output(self, name: str, late: tuple[float, float], after: bool) -> tuple[np.ndarray, np.ndarray]:
         y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
         signal = self.run.outputs.get(name)
         if signal is None:
             return y, early
         fixed, drift = late
         true = signal.time - fixed - drift * (signal.time - self.run.began_s)
-        k = np.searchsorted(0.5 * (self.time[1:] + self.time[:-1]), true)
-        away = np.abs(self.time[k] - true)
-        order = np.argsort(-away, kind="stable")  # the nearest is written last
-        order = order[away[order] <= NEAR * self.steps[k[order]]]
+        if after:
+            k = np.searchsorted(self.time - AT * self.steps, true, side="right") - 1
+            near = (k >= 0) & (true - self.time[k] < self.steps[k])
+        else:
+            k = np.searchsorted(0.5 * (self.time[1:] + self.time[:-1]), true)
+            near = np.abs(self.time[k] - true) <= NEAR * self.steps[k]
+        order = np.argsort(-np.abs(self.time[k] - true), kind="stable")  # the nearest is written last
+        order = order[near[order]]
         y[k[order]] = signal.values[order]
         early[k[order]] = (self.time[k] - true)[order]
         return y, early

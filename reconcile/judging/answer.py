@@ -29,7 +29,7 @@ class Answer:
     @property
     def base(self) -> Point:
         """The model without effects, fitted."""
-        return self.beam.points[frozenset()]
+        return self.core.base
 
     @property
     def present(self) -> tuple[Attached, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from reconcile.equations.model import Attached
+from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Point
 from reconcile.search import quiet
 from reconcile.search.core import Core
@@ -17,6 +18,7 @@ Report = Callable[..., None]
 FAR = 0.5  # of the evidence that the best set gains: what gains less is not built on
 TO_SETTLE = 0.25  # of the steps of a search: what fits to the end may go beyond them
 SETTLED = 3  # best sets that are fitted to the end
+COMPARED = 24  # best sets that are compared with the same noise
 ABSORBED = 0.25  # of the forces at a place: a disturbance that large may have taken over from the model
 
 
@@ -61,6 +63,8 @@ class Beam(Sets):
             best = self.evidence(self.ranked()[0])
             for at, key in enumerate(kept):
                 self.report(f"sets of {level}", at, len(kept))
+                if at == 0:
+                    self.survey(key)
                 for scored in self.scores(key)[:width]:
                     if scored.gain < WORTH:
                         break
@@ -124,8 +128,24 @@ class Beam(Sets):
             if key == self.ranked()[0]:
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
+        self._share_noise()
         self.limit = np.inf  # whatever judges the sets may fit what it needs
         return self.ranked()
+
+    def _share_noise(self) -> None:
+        """Fit the sets near the best again, with the noise and disturbance of the best one in all.
+
+        Both belong to the rig and not to a set. Where each set has its own, a disturbance that is larger and
+        remembers longer stands for most of what the set lacks.
+        """
+        self.report("with the noise of the best set")
+        best = self.ranked()[0]
+        self.noise = {n: v for n, v in self.points[best].values.items() if n.startswith(NOISES)}
+        own = [k for k in self.ranked() if self.evidence(k) > self.evidence(best) - BEHIND][:COMPARED]
+        before, self.points = self.points, {}
+        for key in dict.fromkeys([*own, frozenset()]):
+            self.fit(key, before[key].present, [before[key].values], LONG)
+        self.points.setdefault(frozenset(), before[frozenset()])
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit, kin or twin in its place."""

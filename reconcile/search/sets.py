@@ -1,6 +1,6 @@
 """Sets of effects, each fitted once or more: what they gain, and how probable each of them is."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from reconcile.search.shapes import Shapes
 from reconcile.tolerances import BLOCKS, CLOSE, MOST_STEPS, PLAIN, PRIOR, RESAMPLED, WORTH
 
 Key = frozenset[Attached]
-ASKED = 40  # candidates, the best of the first screen, that are asked beside others
+ASKED = 40  # candidates, the best of a screen of all, that are asked beside other sets
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
 BEHIND = 4 * CLOSE  # nats behind the best set, from which a set is not fitted to the end
 FRESH = 4  # sets that are fitted from the model as it came too: else the disturbance keeps what it absorbed
@@ -27,6 +27,8 @@ class Sets:
         self.core = core
         self.points: dict[Key, Point] = {frozenset(): core.base}
         self.scored: dict[Key, list[Scored]] = {}
+        self.pool: set[Attached] = set(core.candidates)  # what is asked beside a set
+        self.noise: Values = {}  # noise that all sets share, where it is no longer fitted
         self.limit = core.kalman.done + MOST_STEPS  # steps of the filter, beyond which nothing is tried
         self.cut = False  # whether something was not
 
@@ -59,26 +61,28 @@ class Sets:
         ]
 
     def scores(self, key: Key) -> list[Scored]:
-        """Candidates beside a set, best first; none where the limit is passed."""
-        if key not in self.scored:
-            if self.spent():
-                return []
-            others = self.beside(key)
-            if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
-                told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
-                others = [a for a in others if a in told]
-            self.scored[key] = self._asked(key, others)
-        return self.scored[key]
+        """Candidates of the pool beside a set, best first; none where the limit is passed."""
+        return self.scores_of(key, self.pool)
 
-    def scores_of(self, key: Key, candidates: Iterable[Attached]) -> list[Scored]:
-        """Scores of these candidates beside a set, best first, however little they gained at first."""
-        wanted, known = set(candidates), self.scores(key)
+    def scores_of(self, key: Key, candidates: Collection[Attached]) -> list[Scored]:
+        """Scores of these candidates beside a set, best first."""
+        known = self.scored.setdefault(key, [])
+        asked = {s.attached for s in known}
+        new = [a for a in self.beside(key) if a in candidates and a not in asked]
+        if new and not self.spent():
+            known += self._asked(key, new)
+            known.sort(key=lambda s: -s.gain)
+        return [s for s in known if s.attached in candidates]
+
+    def survey(self, key: Key) -> None:
+        """Ask all candidates beside a set: from then on the best of them are asked beside others as well.
+
+        Beside a dominant effect that is missing, the right one may score less than dozens of others.
+        """
         hopeless = {s.attached for s in self.scored.get(frozenset(), ()) if not np.isfinite(s.gain)}
-        asked = {s.attached for s in known} | hopeless
-        more = [a for a in self.beside(key) if a in wanted and a not in asked]
-        if more and not self.spent():
-            self.scored[key] = sorted([*known, *self._asked(key, more)], key=lambda s: -s.gain)
-        return [s for s in self.scored.get(key, known) if s.attached in wanted]
+        found = self.scores_of(key, set(self.core.candidates) - hopeless)
+        best = {s.attached for s in found[:ASKED] if np.isfinite(s.gain)}
+        self.pool = best if not key else self.pool | best
 
     def _asked(self, key: Key, candidates: Sequence[Attached]) -> list[Scored]:
         starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
@@ -112,11 +116,12 @@ class Sets:
         core = self.core
         if self.spent():
             return
-        free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
+        noise = [] if self.noise else core.noise_free
+        free = [*core.base_free, *noise, *(f for a in present for f in core.free_of(a))]
         least = min((p.total for k, p in self.points.items() if k < key), default=np.inf)
         for start, beside in self._begins(present, free, starts, near, fresh):
             point = core.fitter.fit(
-                start,
+                start | self.noise,
                 present,
                 free,
                 iterations,
