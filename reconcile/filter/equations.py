@@ -54,7 +54,7 @@ class Stepped(Assembly):
     @cached_property
     def stages(self) -> dict[str, ca.Function]:
         """All functions of filter.c but the derivatives."""
-        # memories of inputs step exactly; a continuous model feels their mean over the step, one in steps does not
+        # memories of inputs step exactly; a continuous model feels their mean over the step
         step, self.step, self.averaged = self.step, self.dt, self.model.kind == "continuous"
         felt = super()._inputs()
         self.averaged = False

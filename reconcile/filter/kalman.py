@@ -19,6 +19,7 @@ from reconcile.filter.smooth import smoothed
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
+BY_SAMPLE = ("e", "s", "de", "ds")  # of these, what goes with samples and not with steps
 NOTHING = np.empty((0, 0))
 FOLLOWED = 4  # substeps, at least, where an effect of an input moves within a step
 NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
@@ -26,7 +27,11 @@ NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise 
 
 @dataclass
 class Filtered:
-    """What the filter makes of one recording: innovations and their variances [n, NY], and more on demand."""
+    """What the filter makes of one recording: innovations and their variances [n, NY], and more on demand.
+
+    Innovations stand where their samples would be without delays, so that all delays are told by the same
+    samples; what is of states stands at its step.
+    """
 
     e: np.ndarray
     s: np.ndarray
@@ -121,7 +126,7 @@ class Kalman:
             substeps = max(substeps, FOLLOWED)
         found = []
         for k in range(len(self.records)):
-            u, y, step = self._rows(k, full)
+            u, y, step, at = self._rows(k, full)
             x0, p0 = self._start(part, p, y)
             self.done += substeps * len(y)
             parted = np.diff(step, prepend=-1) == 0  # rows without a sample: a part of a step after the first
@@ -142,6 +147,7 @@ class Kalman:
                 columns = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
                 run["z"], run["v"] = smoothed(run, columns)
             whole = {n: run[n][~parted] if n in run else NOTHING for n in SHOWN}
+            whole |= {n: _by_sample(whole[n], at) for n in BY_SAMPLE if n in run}
             found.append(Filtered(**whole, y=y[~parted]))
         return found
 
@@ -172,7 +178,7 @@ class Kalman:
         found = []
         full = np.array([values[n] for n in self.whole.index])
         for k, states in enumerate(z):
-            rows, _, step = self._rows(k, full)
+            rows, _, step, _ = self._rows(k, full)
             x, u = states[:, : part.library.nx].T, rows[np.diff(step, prepend=-1) > 0].T
             n, m = x.shape[1], self.modes[k].T
             rates = [np.asarray(stages["kf_f"].map(n)(x, u, m, np.repeat(q[:, None], n, 1))) for q in (p, p0)]
@@ -236,10 +242,11 @@ class Kalman:
         pushed = [i for i in every if model.states[i].name in axes]
         return sorted(behind(felt(model, model.f, model.symbols[0]).T, pushed))
 
-    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """u [m, NU] and y [m, NY] of a recording for the delays among the parameters [NP], and the steps [m].
 
-        A step in which an input changes has a row for each of its parts; only the first has samples.
+        A step in which an input changes has a row for each of its parts; only the first has samples.  Last,
+        the steps [n, NY] at which samples are that would be at each of them without delays (-1: at none).
         """
         late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
         late_out = {n: self.late.of_output(n, p) for n in self.outputs}
@@ -257,13 +264,14 @@ class Kalman:
             # between two steps of a model in steps its outputs are known, beyond one they are not
             after = self.model.kind == "discrete" and self.substeps == 1
             seen = [record.output(n, late_out[n], after) for n in self.outputs]
+            at = np.column_stack([record.moved(n, late_out[n], after) for n in self.outputs])
             pushes = np.zeros((len(self.places), len(time)))
             lengths = np.diff(time, append=record.time[-1] + record.steps[-1])
             first = np.searchsorted(step, np.arange(len(record.time)))
             y, early = np.full((len(time), len(seen)), np.nan), np.zeros((len(time), len(seen)))
             y[first], early[first] = (np.column_stack(columns) for columns in zip(*seen, strict=True))
             rows = np.vstack([*u, time - record.run.began_s, pushes, lengths, *early.T])
-            self._kept[key] = np.ascontiguousarray(rows.T), y, step
+            self._kept[key] = np.ascontiguousarray(rows.T), y, step, at
         return self._kept[key]
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -323,6 +331,13 @@ class Kalman:
         from reconcile.filter.modes import modes_of
 
         return modes_of(self.model, record)
+
+
+def _by_sample(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values [n, NY, ...] at the steps `at` [n, NY], NaN where that is -1."""
+    found = values[at, np.arange(at.shape[1])]
+    found[at < 0] = np.nan
+    return found
 
 
 def _first_seen(y: np.ndarray) -> np.ndarray:

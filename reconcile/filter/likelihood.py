@@ -3,18 +3,27 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import digamma
 
 from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Filtered, Kalman, Values
 from reconcile.filter.point import At, Free
 from reconcile.tolerances import STEP, STUDENT
 
+# nats of a sample of Student's distribution as it is expected, beside those of its width
+TYPICAL = 0.5 * (STUDENT + 1.0) * float(digamma(0.5 * (STUDENT + 1.0)) - digamma(0.5 * STUDENT))
+
 
 class Likelihood:
-    """Likelihood over the scored samples of a filter; `scored` [n] a recording, `period` the shortest (s)."""
+    """Likelihood over the scored samples of a filter; `scored` [n] a recording, `period` the shortest (s).
+
+    Nats are counted from those of a typical sample, by the noise [NY] that is typical of the outputs: a
+    delay that moves a sample out of the scored ones, or into them, gains nothing by that.
+    """
 
     def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray]):
         self.kalman, self.scored = kalman, [np.asarray(s, bool) for s in scored]
+        self.noise = np.ones(len(kalman.outputs))
         self.period = min(float(np.median(r.steps)) for r in kalman.records)
 
     def gather(self, found: Sequence[Filtered]) -> tuple[np.ndarray, np.ndarray]:
@@ -24,9 +33,10 @@ class Likelihood:
         return e, v
 
     def loss(self, e: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """Nats of each sample [n]; 0 where missing."""
-        out = 0.5 * np.log(s) + 0.5 * (STUDENT + 1.0) * np.log1p(e * e / (STUDENT * s))
-        return np.where(np.isnan(e), 0.0, out)
+        """Nats of each sample, [n] as gathered or [m, NY]; 0 where missing."""
+        expected = np.tile(2.0 * np.log(self.noise), e.size // len(self.noise)).reshape(e.shape)
+        out = 0.5 * (np.log(s) - expected) + 0.5 * (STUDENT + 1.0) * np.log1p(e * e / (STUDENT * s))
+        return np.where(np.isnan(e), 0.0, out - TYPICAL)
 
     def innovations(self, values: Values, present: Sequence[Attached], own: bool = False):
         """(e, s) [n] or None where the filter runs away."""

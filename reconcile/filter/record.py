@@ -64,6 +64,10 @@ class Record:
         """
         return self._kept((name, late, after), lambda: self._output(name, late, after))
 
+    def moved(self, name: str, late: tuple[float, float], after: bool = False) -> np.ndarray:
+        """For every step [n] the one at which a sample is that would be there without delay (-1: none)."""
+        return self._kept(("moved", name, late, after), lambda: self._moved(name, late, after))
+
     def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
         """What was made before: of several signals mostly one changes its delay."""
         if key not in self.made:
@@ -87,11 +91,28 @@ class Record:
         time = np.sort(np.concatenate([self.time, every[inside]]))
         return time, np.searchsorted(self.time, time, side="right") - 1
 
+    def _moved(self, name: str, late: tuple[float, float], after: bool) -> np.ndarray:
+        (before, there, _), (sample, step, _) = (self._placed(name, d, after) for d in ((0.0, 0.0), late))
+        found, now = np.full(len(self.time), -1), np.full(max([*before, *sample], default=-1) + 1, -1)
+        now[sample] = step
+        found[there] = now[before]
+        return found
+
     def _output(self, name: str, late: tuple[float, float], after: bool) -> tuple[np.ndarray, np.ndarray]:
         y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
+        sample, step, earlier = self._placed(name, late, after)
+        if len(sample):
+            y[step] = self.run.outputs[name].values[sample]
+            early[step] = earlier
+        return y, early
+
+    def _placed(
+        self, name: str, late: tuple[float, float], after: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Samples of an output, the step of each, and by how much it is earlier (s), [j]; one a step."""
         signal = self.run.outputs.get(name)
         if signal is None:
-            return y, early
+            return np.empty(0, int), np.empty(0, int), np.empty(0)
         fixed, drift = late
         true = signal.time - fixed - drift * (signal.time - self.run.began_s)
         if after:
@@ -100,11 +121,10 @@ class Record:
         else:
             k = np.searchsorted(0.5 * (self.time[1:] + self.time[:-1]), true)
             near = np.abs(self.time[k] - true) <= NEAR * self.steps[k]
-        order = np.argsort(-np.abs(self.time[k] - true), kind="stable")  # the nearest is written last
-        order = order[near[order]]
-        y[k[order]] = signal.values[order]
-        early[k[order]] = (self.time[k] - true)[order]
-        return y, early
+        sample = np.flatnonzero(near)
+        sample = sample[np.argsort(np.abs(self.time[k] - true)[sample], kind="stable")]  # the nearest first
+        step, first = np.unique(k[sample], return_index=True)
+        return sample[first], step, (self.time[k] - true)[sample[first]]
 
 
 def records(runs: Sequence[Run], blocks: Mapping[str, Sequence[Block]], most: int) -> list[Record]:

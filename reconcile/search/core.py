@@ -143,6 +143,7 @@ class Core:
             step = max(quantum(r.outputs[n].values) for r in self.runs)
             self.floor[n] = max(self.floor[n], step / np.sqrt(12.0))
             values[NOISE + n] = max(seen, self.floor[n])
+        self.fitter.noise = np.array([values[NOISE + n] for n in self.outputs])
         return values
 
     def _force(self, k: int) -> tuple[float, float]:
