@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -76,6 +76,7 @@ class Kalman:
         self.substeps = 1
         self.extra = (0.0, 0.0)  # of all outputs: late by so much (s), and a drift, beside the parameters
         self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
+        self.sizes: Mapping[str, Sequence[float]] = {}  # of what is met at a port
         self._begins: tuple[bytes, np.ndarray] | None = None
         self._parts: dict[frozenset, _Part] = {}
         self._kept: dict[tuple, tuple] = {}
@@ -297,8 +298,6 @@ class Kalman:
             sizes = self.sizes.get(port, ())
             found.append(0.1 * max(sizes) if sizes else 0.1)
         return np.array(found)
-
-    sizes: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def _model_start(self, p: np.ndarray) -> np.ndarray:
         key = p[self._started_by].tobytes()

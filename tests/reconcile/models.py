@@ -67,6 +67,28 @@ def cooling(driven: bool = True) -> Folder:
     )
 
 
+def stepped(step: float = 0.02, pull: float = 0.4) -> Folder:
+    """A joint that follows its speed command, in steps."""
+    return folder(
+        Model(
+            name="stepped",
+            description="A joint in steps",
+            kind="discrete",
+            step=step,
+            states=(Variable("q", "rad", "Angle"), Variable("v", "rad/s", "Speed")),
+            inputs=(Variable("wanted", "rad/s", "Speed", min=-2.0, max=2.0),),
+            outputs=(Variable("angle", "rad", "Angle"), Variable("rate", "rad/s", "Speed")),
+            parameters=(Variable("pull", "1", "Share of the way in a step", start=pull, min=0.05, max=1.0),),
+            rhs=lambda x, u, m, p: {
+                "v": x.v + p.pull * (u.wanted - x.v),
+                "q": x.q + step * (x.v + p.pull * (u.wanted - x.v)),
+            },
+            out=lambda x, u, m, p: {"angle": x.q, "rate": x.v},
+        ),
+        {"v": {"velocity": "v", "position": "q", "unit": "N.m", "inertia": 1.0, "drive": "wanted"}},
+    )
+
+
 def chain(links: int = 3) -> Folder:
     """Masses on springs in a row, with a spring that hardens: two states for each."""
     names = [str(i) for i in range(links)]

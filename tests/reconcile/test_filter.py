@@ -11,7 +11,7 @@ from fmus.paths import SHIM
 from fmus.toolchain import compiler
 from reconcile.catalogue import ALL
 from reconcile.equations.extended import Extended
-from reconcile.equations.model import Folder, candidates
+from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Kalman
@@ -270,6 +270,68 @@ def test_a_delay_of_a_fraction_of_a_sample_is_the_likeliest_there(key, late):
     assert grid[np.argmin(loss)] == pytest.approx(late, abs=0.11 * period)
     assert loss[0] > loss.min() + 100.0
     assert loss[-1] > loss.min() + 100.0
+
+
+def in_steps(key: str, length: float) -> tuple[Fitter, Attached, dict]:
+    """A model in steps with an effect in its recording, at whose steps it is known what shows."""
+    period, n = 0.02, 1200
+    rng = np.random.default_rng(5)
+    time, command = period * np.arange(n), np.repeat(rng.uniform(-2, 2, n // 12), 12)
+    felt, lagged, q, v = command.copy(), 0.0, np.zeros(n), np.zeros(n)
+    for k in range(n) if key.startswith("input_lag") else ():
+        felt[k] = lagged = lagged + (1.0 - np.exp(-period / length)) * (command[k] - lagged)
+    for k in range(n - 1):
+        v[k + 1] = v[k] + 0.4 * (felt[k] - v[k])
+        q[k + 1] = q[k] + period * v[k + 1]
+    shown, seen = v.copy(), v[0]
+    for k in range(n) if key.startswith("sensor_lag") else ():
+        shown[k] = seen = seen + (1.0 - np.exp(-period / length)) * (v[k] - seen)
+    if key.startswith("sensor_delay"):
+        shown = np.interp(time - length, time, v)
+    y = np.column_stack([q, shown]) + 1e-3 * rng.standard_normal((n, 2))
+    folder = models.stepped(period)
+    (a,) = (x for x in candidates(folder, ["wanted", "angle", "rate"], ALL) if x.key == key)
+    one = models.run({"wanted": (time, command)}, {"angle": (time, y[:, 0]), "rate": (time, y[:, 1])})
+    kalman = Kalman(folder, (a,), models.recorded(one), ["angle", "rate"])
+    scored = np.arange(n) % 100 < 70  # in blocks, as data to fit are
+    values = models.noise(kalman, sigma=0.01, out=1e-3) | {"pull": 0.4}
+    fitter = Fitter(kalman, [scored])
+    fitter.noise[:] = 1e-3
+    return fitter, a, values | ({a.name("gate"): 1.0} if a.effect.gated else {})
+
+
+@pytest.mark.parametrize(
+    ("key", "length"),
+    [
+        ("sensor_lag@rate", 0.03),
+        ("input_lag@wanted", 0.03),
+        ("sensor_delay@rate", 0.003),
+        ("sensor_delay@rate", 0.0131),
+        ("sensor_delay@rate", 0.0246),
+    ],
+)
+def test_lags_and_delays_of_a_model_in_steps_are_found_again(key, length):
+    fitter, a, values = in_steps(key, length)
+    name = a.name(a.effect.parameters[0].name)
+    free = [Free(name, length, 0.3, True, 1e-4, 1.0)]
+    found = fitter.fit(values | {name: 0.8 * length}, (a,), free, 20)
+    assert found is not None
+    error = 0.3 * length * np.sqrt(found.covariance()[0, 0])
+    assert error < 0.02 * length
+    assert found.values[name] == pytest.approx(length, abs=3.0 * error)
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+def test_a_delay_of_a_whole_sample_and_one_next_to_it_are_as_likely(samples):
+    edge = samples * 0.02
+    fitter, a, values = in_steps("sensor_delay@rate", edge)
+    found = [
+        fitter.innovations(values | {a.name("delay"): d}, (a,))
+        for d in (edge - 1e-7, edge + 1e-7, edge - 1e-3)
+    ]
+    short, beyond, other = (float(fitter.loss(*f).sum()) for f in found if f is not None)
+    assert short == pytest.approx(beyond, abs=2.0)  # one more sample is beyond the beginning
+    assert other > short + 10.0
 
 
 @pytest.mark.parametrize(("name", "length"), [("input_delay", "delay"), ("input_lag", "time")])
