@@ -3,6 +3,7 @@
 import numpy as np
 
 from reconcile.equations.model import Attached
+from reconcile.filter.kalman import Values
 from reconcile.filter.likelihood import Likelihood
 from reconcile.filter.point import At, Free, Point
 
@@ -10,6 +11,7 @@ LONGEST = 3.0  # of a step in a coordinate
 TRIES, STALE_TRIES = 6, 2  # dampings of a step, with new slopes and with kept ones
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
 FREELY = 1e-2  # damping with which a fit begins
+HARDLY = 1e-6  # with which it goes along a valley, where parameters can stand for each other
 
 Columns = dict[str, tuple[np.ndarray, np.ndarray]]  # slopes of e and of log s [n] by parameter
 
@@ -42,10 +44,10 @@ class Descent:
         return self.age <= 1
 
     def renew(self) -> bool:
-        """Damp as little as at first, once: a step that hardly gains may only have been a short one."""
-        if self.renewed or self.damping <= FREELY:
+        """Damp hardly at all, once: a step that hardly gains may only have been a short one."""
+        if self.renewed or self.damping <= HARDLY:
             return False
-        self.damping, self.renewed = FREELY, True
+        self.damping, self.renewed = HARDLY, True
         return True
 
     def take(self, near: Point) -> None:
@@ -90,17 +92,24 @@ class Descent:
             h += self.damping * np.diag(np.diag(h))
             step = np.zeros(len(z))
             step[moving] = np.clip(-np.linalg.solve(h, g[moving]), -LONGEST, LONGEST)
-            moved = {f.name: f.value(z[j] + step[j]) for j, f in enumerate(self.free) if moving[j]}
-            there = self.fitter.at(self.at.values | moved, self.present, self.free, self.own)
+            there = self.fitter.at(self._moved(z, step, moving), self.present, self.free, self.own)
             if there is not None and there.total < self.at.total:
                 gained, self.at = self.at.total - there.total, there
                 self.by_noise = {}
-                self.damping, self.since = max(self.damping / 5.0, 1e-4), self.since + gained
+                self.damping, self.since = max(self.damping / 5.0, HARDLY), self.since + gained
                 return gained
-            self.damping = min(self.damping * 8.0, 1e6)
+            self.damping = min(self.damping * 30.0, 1e6)
         if not self.fresh:  # old slopes failed, not the length of the step
             self.damping = before
         return 0.0
+
+    def _moved(self, z: np.ndarray, step: np.ndarray, moving: np.ndarray) -> Values:
+        """Values a step from the coordinates z; along a valley straight in the values themselves."""
+        values, found = self.at.values, {}
+        for j in np.flatnonzero(moving):
+            f = self.free[j]
+            found[f.name] = f.moved(values[f.name], step[j]) if self.renewed else f.value(z[j] + step[j])
+        return values | found
 
     def point(self) -> Point | None:
         """Where it is, with slopes made there unless they hardly changed since."""

@@ -7,6 +7,8 @@ import numpy as np
 from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISES, Values
 
+NEAR = 0.5  # of a parameter, by which a step moves it as its slope says
+
 
 @dataclass(frozen=True)
 class Free:
@@ -28,13 +30,28 @@ class Free:
     def value(self, z: float) -> float:
         """The parameter at a coordinate."""
         v = self.center * np.exp(self.size * z) if self.log else self.center + self.size * z
-        return float(min(max(v, self.low), self.high))
+        return self._within(v)
 
     def coordinate(self, value: float) -> float:
         """Its coordinate."""
         if self.log:
             return float(np.log(max(value / self.center, 1e-12)) / self.size)
         return (value - self.center) / self.size
+
+    def moved(self, value: float, step: float) -> float:
+        """The parameter a step of the coordinate away, as its slope says unless that is far.
+
+        Where forces of two parameters add up, the valley between them is straight in their values.
+        """
+        near = self.log and not self.of_noise and abs(self.size * step) < NEAR
+        return (
+            self._within(value * (1.0 + self.size * step))
+            if near
+            else self.value(self.coordinate(value) + step)
+        )
+
+    def _within(self, value: float) -> float:
+        return float(min(max(value, self.low), self.high))
 
     def slope(self, value: float) -> float:
         """Change of the parameter by its coordinate."""

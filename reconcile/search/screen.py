@@ -13,6 +13,7 @@ from reconcile.search.shapes import Shapes
 from reconcile.tolerances import PLAIN, SEPARABLE, WORTH
 
 PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
+SMOOTH = 1e-3  # of that of an effect without a kink: beside a parameter much like it, only exact slopes tell
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
 SIZES = (0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start, tried where it is too strong
 MOST_PROBES = 24  # starts of one effect that are tried
@@ -93,8 +94,9 @@ class Screen:
             if other is None:
                 return None
             e, s = other
+        size = PROBE if a.effect.width or a.effect.delays else SMOOTH
         for j, f in enumerate(free):
-            step = PROBE if f.high > 0.0 else -PROBE
+            step = size if f.high > 0.0 else -size
             other = self.fitter.innovations(values | {f.name: step * f.size}, present)
             if other is None:
                 return None
@@ -136,16 +138,12 @@ class Screen:
         self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray
     ) -> tuple[float, Values]:
         """The best of some lengths of the step that the slopes ask for: nats, values."""
-        moved = [
-            (f, f.coordinate(self.point.values[f.name]))
-            for f, h in zip(self.point.free, self.point.held, strict=True)
-            if not h
-        ]
+        moved = [f for f, h in zip(self.point.free, self.point.held, strict=True) if not h]
         best, found = -np.inf, shapes | {f.name: f.value(at[j]) for j, f in enumerate(free)}
         for length in (1.0, 0.3):
             others = {
-                f.name: f.value(z - length * float(d))
-                for (f, z), d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)
+                f.name: f.moved(self.point.values[f.name], -length * float(d))
+                for f, d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)
             }
             values = shapes | {f.name: f.value(length * at[j]) for j, f in enumerate(free)} | others
             there = self.fitter.innovations(self.point.values | values, present)
