@@ -98,7 +98,7 @@ class Descent:
                 self.by_noise = {}
                 self.damping, self.since = max(self.damping / 5.0, HARDLY), self.since + gained
                 return gained
-            self.damping = min(self.damping * 30.0, 1e6)
+            self.damping = min(self.damping * (30.0 if self.renewed else 8.0), 1e6)
         if not self.fresh:  # old slopes failed, not the length of the step
             self.damping = before
         return 0.0
