@@ -128,8 +128,8 @@ class Beam(Sets):
             if key == self.ranked()[0]:
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
+        self.limit = np.inf  # whatever compares and judges the sets may fit what it needs
         self._share_noise()
-        self.limit = np.inf  # whatever judges the sets may fit what it needs
         return self.ranked()
 
     def _share_noise(self) -> None:
@@ -139,13 +139,14 @@ class Beam(Sets):
         remembers longer stands for most of what the set lacks.
         """
         self.report("with the noise of the best set")
-        best = self.ranked()[0]
-        self.noise = {n: v for n, v in self.points[best].values.items() if n.startswith(NOISES)}
-        own = [k for k in self.ranked() if self.evidence(k) > self.evidence(best) - BEHIND][:COMPARED]
-        before, self.points = self.points, {}
-        for key in dict.fromkeys([*own, frozenset()]):
+        best, before = self.ranked()[0], self.points
+        near = [k for k in self.ranked() if self.evidence(k) > self.evidence(best) - BEHIND]
+        self.noise = {n: v for n, v in before[best].values.items() if n.startswith(NOISES)}
+        self.points = {}
+        for key in dict.fromkeys([*near[: SETTLED if self.cut else COMPARED], frozenset()]):
             self.fit(key, before[key].present, [before[key].values], LONG)
-        self.points.setdefault(frozenset(), before[frozenset()])
+        if best not in self.points or frozenset() not in self.points:  # the filter runs away with that noise
+            self.points, self.noise = before, {}
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit, kin or twin in its place."""
