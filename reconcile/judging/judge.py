@@ -43,23 +43,34 @@ class Weights:
     def __init__(self, beam: Beam, posterior: Mapping[Key, float]):
         self.posterior = posterior
         self.by_names: dict[tuple[str, ...], float] = {}
-        self.effects: dict[str, float] = {}
         self.kinds: dict[str, float] = {}
         self.best: dict[tuple[str, ...], Key] = {}  # the likeliest of each name
         for k, p in posterior.items():
             names = _names(k)
             self.by_names[names] = self.by_names.get(names, 0.0) + p
-            for n in _held_in(k):
-                self.effects[n] = self.effects.get(n, 0.0) + p
             for n in {kind(n) for n in names}:
                 self.kinds[n] = self.kinds.get(n, 0.0) + p
             if names not in self.best or beam.evidence(k) > beam.evidence(self.best[names]):
                 self.best[names] = k
         self.order = sorted(self.by_names, key=lambda n: -self.by_names[n])
 
+    def effects(self, key: Key) -> dict[str, float]:
+        """Probability by effect where a set is the answer.
+
+        Sets count that name the effect; for those of the answer also sets with what holds it, unless the
+        answer has that too: a wind that is named beside a constant load is no other name for that load.
+        """
+        found: dict[str, float] = {}
+        for names, p in self.by_names.items():
+            for n in names:
+                found[n] = found.get(n, 0.0) + p
+        own = _names(key)
+        return found | {n: sum(p for k, p in self.posterior.items() if n in _held_in(k, own)) for n in own}
+
     def doubted(self, key: Key) -> bool:
         """Whether an effect of a set is less than sure."""
-        return any(self.effects[a.effect.name] < SURE for a in key)
+        found = self.effects(key)
+        return any(found[n] < SURE for n in _names(key))
 
     @property
     def first(self) -> Key:
@@ -110,7 +121,7 @@ class Judge:
         return Judged(
             answer,
             tuple(k for k in declared if _names(k) != _names(answer)),
-            _shown(weights.effects, most),
+            _shown(weights.effects(answer), most),
             _shown(weights.kinds, most),
             [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
@@ -120,11 +131,12 @@ class Judge:
 
     def _rivals(self, answer: Key, weights: "Weights") -> list[Key]:
         """Sets that share the probability with the answer, until they hold ENOUGH of it."""
-        total, found = weights.by_names.get(_names(answer), 0.0), []
+        own = _names(answer)
+        total, found = weights.by_names.get(own, 0.0), []
         for key in (weights.best[n] for n in weights.order if n):
             if total >= ENOUGH or len(found) == MOST_DECLARED - 1:
                 break
-            if _names(key) != _names(answer) and not set(_names(answer)) <= _held_in(key):
+            if _names(key) != own and not set(own) <= _held_in(key, own):
                 total += weights.by_names[_names(key)]
                 found.append(key)
         return found
@@ -204,12 +216,13 @@ def _shown(probability: Mapping[str, float], most: float) -> dict[str, float]:
     return {n: min(float(p), most) for n, p in ranked if p > LEAST_SHOWN}
 
 
-def _held_in(key: Key) -> set[str]:
-    """Effects of a set, and what they become in a limit: the richer holds the simpler.
+def _held_in(key: Key, beside: Sequence[str]) -> set[str]:
+    """Effects of a set, and what those not `beside` become in a limit: the richer holds the simpler.
 
     What has as many parameters is no simpler: a lag is not a delay.
     """
-    limits = {n for a in key for n in a.effect.becomes if n and FEWEST[n] < len(a.effect.parameters)}
+    richer = [a.effect for a in key if a.effect.name not in beside]
+    limits = {n for e in richer for n in e.becomes if n and FEWEST[n] < len(e.parameters)}
     return limits | set(_names(key))
 
 
