@@ -183,11 +183,13 @@ class Judge:
         """Whether the model errs so little that an effect's likelihood on confirm may tell it.
 
         Where confirm hardly moves it, its kind has to be all but certain elsewhere, and not denied there.
+        What is a crumb shows with each set's own noise: with the best one's all that lacks anything is lost.
         """
-        less = self.beam.points[key - {a}]
+        keys = key - {a}, key, frozenset()
+        points = self.beam.own if all(k in self.beam.own for k in keys) else self.beam.points
+        less, with_it, none = (points[k] for k in keys)
         if self.ahead(key) > max(NEAR, noise(self.core, less)):
             return False
-        with_it, none = self.beam.points[key], self.beam.points[frozenset()]
         gained = confirmed(self.core, less) - confirmed(self.core, with_it)
         whole = confirmed(self.core, none) - confirmed(self.core, with_it)
         enough = 0.0 if probability > CERTAIN else TOLD

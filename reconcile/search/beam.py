@@ -142,11 +142,11 @@ class Beam(Sets):
         best, before = self.ranked()[0], self.points
         near = [k for k in self.ranked() if self.evidence(k) > self.evidence(best) - BEHIND]
         self.noise = {n: v for n, v in before[best].values.items() if n.startswith(NOISES)}
-        self.points = {}
+        self.own, self.points = before, {}
         for key in dict.fromkeys([*near[: SETTLED if self.cut else COMPARED], frozenset()]):
             self.fit(key, before[key].present, [before[key].values], LONG)
         if best not in self.points or frozenset() not in self.points:  # the filter runs away with that noise
-            self.points, self.noise = before, {}
+            self.points, self.noise, self.own = before, {}, {}
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit, kin or twin in its place."""

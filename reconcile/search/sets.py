@@ -29,6 +29,7 @@ class Sets:
         self.scored: dict[Key, list[Scored]] = {}
         self.pool: set[Attached] = set(core.candidates)  # what is asked beside a set
         self.noise: Values = {}  # noise that all sets share, where it is no longer fitted
+        self.own: dict[Key, Point] = {}  # points with their own noise, from before
         self.limit = core.kalman.done + MOST_STEPS  # steps of the filter, beyond which nothing is tried
         self.cut = False  # whether something was not
 
