@@ -29,7 +29,8 @@ def driven(name: str, model: str, folder, capsys) -> tuple[dict, str]:
 def test_a_late_encoder_that_may_delay_or_smooth_is_told_by_what_is_driven(tmp_path, capsys):
     found, _ = driven("slow_slew", "slew", tmp_path, capsys)
     assert found["experiment"]["before"] == "ambiguous"
-    assert found["verdict"] == "named"
+    # the machine has more that the model lacks, of which some may stay open
+    assert all("sensor_delay" in names for names in found["alternatives"])
     (late,) = [e for e in found["effects"] if e["name"] in ("sensor_delay", "sensor_lag")]
     true = parameters.load("machine")["encoder_velocity_delay"].value
     assert late["name"] == "sensor_delay"
