@@ -352,32 +352,27 @@ static void times(const double *r, const double *a, int columns, double *out) {
   }
 }
 
-/* x'' where x' = f and its slopes are a. */
-static void follow_rates(const double *a, const double *f, double *bend) {
-  for (int i = 0; i < NX; i++) {
-    bend[i] = 0.0;
-    for (int j = 0; j < NX; j++) bend[i] += a[j * NX + i] * f[j];
-  }
-}
-
 /* What samples earlier than the step show, or with `side` 1 later ones: of the state then, by its rates under u to second
  * order.  Between two states of a model in steps lies the straight line, beyond them a parabola through three. */
 static void shifted(const Run *run, int side, const double *early, const double *x, const double *u, const double *m,
                     double *y, double *hx, double *hw) {
-  static double f[NX], a[NX * NX], b[NX * NW + 1], f2[NX], a2[NX * NX], b2[NX * NW + 1], bend[NX];
+  static double f[NX], a[NX * NX], b[NX * NW + 1], second[NX], a2[NX * NX], b2[NX * NW + 1];
   static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1];
   call(kf_fj, x, u, m, run->p, f, a, b);
-  if (DISCRETE) call(kf_fj, f, u, m, run->p, f2, a2, b2);
-  else follow_rates(a, f, bend);
+  if (DISCRETE) call(kf_fj, f, u, m, run->p, second, a2, b2);
+  for (int i = 0; !DISCRETE && i < NX; i++) {
+    second[i] = 0.0;
+    for (int j = 0; j < NX; j++) second[i] += a[j * NX + i] * f[j];
+  }
   for (int o = 0; o < NY; o++) {
     const double e = early[o], half = 0.5 * e * e, parts = e / STEP;
     if (e == 0.0 || (e < 0.0) != side) continue;
     const int between = parts < 0.0 && parts >= -1.0 - 1e-6;
-    /* by f and the next: of a model in steps states, of others x' and x'' */
+    /* by f and `second`: of a model in steps the next two states, of others x' and x'' */
     const double one = !DISCRETE ? -e : between ? -parts : -2.0 * parts - parts * parts;
     const double two = !DISCRETE ? half : between ? 0.0 : 0.5 * (parts + parts * parts);
     const double none = DISCRETE ? 1.0 - one - two : 1.0;
-    for (int i = 0; i < NX; i++) then[i] = none * x[i] + one * f[i] + two * (DISCRETE ? f2[i] : bend[i]);
+    for (int i = 0; i < NX; i++) then[i] = none * x[i] + one * f[i] + two * second[i];
     call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
     y[o] = y1[o];
     for (int i = 0; i < NX; i++) r[i] = hx1[i * NY + o];

@@ -43,12 +43,9 @@ class Free:
 
         Where forces of two parameters add up, the valley between them is straight in their values.
         """
-        near = self.log and not self.of_noise and abs(self.size * step) < NEAR
-        return (
-            self._within(value * (1.0 + self.size * step))
-            if near
-            else self.value(self.coordinate(value) + step)
-        )
+        if self.log and not self.of_noise and abs(self.size * step) < NEAR:
+            return self._within(value * (1.0 + self.size * step))
+        return self.value(self.coordinate(value) + step)
 
     def _within(self, value: float) -> float:
         return float(min(max(value, self.low), self.high))

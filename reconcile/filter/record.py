@@ -62,11 +62,21 @@ class Record:
         `late`: its delay (s), and what that gains per second of the recording.  `after`: each at the step
         that it comes after, and not at the nearest.
         """
-        return self._kept((name, late, after), lambda: self._output(name, late, after))
+        y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
+        sample, step, earlier = self._at(name, late, after)
+        if len(sample):
+            y[step] = self.run.outputs[name].values[sample]
+            early[step] = earlier
+        return y, early
 
     def moved(self, name: str, late: tuple[float, float], after: bool = False) -> np.ndarray:
         """For every step [n] the one at which a sample is that would be there without delay (-1: none)."""
-        return self._kept(("moved", name, late, after), lambda: self._moved(name, late, after))
+        (before, there, _), (sample, step, _) = (self._at(name, d, after) for d in ((0.0, 0.0), late))
+        last = max(before.max(initial=-1), sample.max(initial=-1))
+        found, now = np.full(len(self.time), -1), np.full(last + 1, -1)
+        now[sample] = step
+        found[there] = now[before]
+        return found
 
     def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
         """What was made before: of several signals mostly one changes its delay."""
@@ -91,20 +101,10 @@ class Record:
         time = np.sort(np.concatenate([self.time, every[inside]]))
         return time, np.searchsorted(self.time, time, side="right") - 1
 
-    def _moved(self, name: str, late: tuple[float, float], after: bool) -> np.ndarray:
-        (before, there, _), (sample, step, _) = (self._placed(name, d, after) for d in ((0.0, 0.0), late))
-        found, now = np.full(len(self.time), -1), np.full(max([*before, *sample], default=-1) + 1, -1)
-        now[sample] = step
-        found[there] = now[before]
-        return found
-
-    def _output(self, name: str, late: tuple[float, float], after: bool) -> tuple[np.ndarray, np.ndarray]:
-        y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
-        sample, step, earlier = self._placed(name, late, after)
-        if len(sample):
-            y[step] = self.run.outputs[name].values[sample]
-            early[step] = earlier
-        return y, early
+    def _at(
+        self, name: str, late: tuple[float, float], after: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self._kept(("at", name, late, after), lambda: self._placed(name, late, after))
 
     def _placed(
         self, name: str, late: tuple[float, float], after: bool

@@ -19,4 +19,4 @@ def continuous(values: np.ndarray, unit: str) -> np.ndarray:
     jumps = np.abs(steps) > WRAPS
     if not jumps.any() or np.any(np.abs(steps[~jumps]) > STEADY):
         return values
-    return values - turn * np.append(0.0, np.cumsum(np.sign(steps) * jumps))
+    return np.unwrap(values, period=turn)

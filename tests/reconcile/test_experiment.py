@@ -94,7 +94,7 @@ def undriven(rig: Folder) -> tuple[list, Core]:
 @pytest.fixture(scope="module")
 def lags(rig: Folder) -> Doubt:
     """A speed that comes late: smoothed, or delayed?  The motion was too slow to show it."""
-    return Doubt(rig, Truth(velocity=lag(0.03)), ("sensor_lag", "sensor_delay"), 8.0, 1.0)
+    return Doubt(rig, Truth(velocity=lag(0.03)), ("sensor_lag", "sensor_delay"), 8.0, 1.5)
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from fmus.definition import Model, Variable
 from reconcile.recordings.data import runs_of
 from reconcile.recordings.turns import TURNS, continuous
 from records.measurement import Channel, Measurement
-from tests.reconcile.models import folder
+from tests.reconcile import models
 
 TIME = 0.02 * np.arange(1500)
 ANGLE = 9.0 * np.sin(0.7 * TIME) + 0.4 * TIME + 2e-3 * np.random.default_rng(3).standard_normal(len(TIME))
@@ -45,22 +44,7 @@ def test_what_is_no_wrapping_angle_stays_as_it_is(values, unit):
 
 
 def test_a_recording_in_degrees_is_read_as_a_continuous_angle_and_it_is_said():
-    wheel = Model(
-        name="wheel",
-        description="A wheel",
-        kind="continuous",
-        step=0.02,
-        states=(Variable("q", "rad", "Angle"), Variable("v", "rad/s", "Speed")),
-        inputs=(Variable("torque", "N.m", "Torque"),),
-        outputs=(Variable("angle", "rad", "Angle"),),
-        parameters=(Variable("inertia", "kg.m2", "Inertia", start=1.0),),
-        rhs=lambda x, u, m, p: {"q": x.v, "v": u.torque / p.inertia},
-        out=lambda x, u, m, p: {"angle": x.q},
-    )
-    channels = {
-        "torque": Channel("torque", "N.m", TIME, np.cos(TIME)),
-        "angle": Channel("angle", "deg", TIME, wrapped(np.degrees(ANGLE), 360.0, -180.0)),
-    }
-    (run,) = runs_of(Measurement(channels, source="wheel.csv"), folder(wheel), "wheel")
+    channel = Channel("angle", "deg", TIME, wrapped(np.degrees(ANGLE), 360.0, -180.0))
+    (run,) = runs_of(Measurement({"angle": channel}, source="wheel.csv"), models.pendulum(), "wheel")
     assert np.ptp(run.outputs["angle"].values - ANGLE) < 1e-9
     assert run.notes == ("angle jumps by a turn where its sensor begins again: made continuous",)
