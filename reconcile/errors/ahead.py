@@ -54,19 +54,24 @@ def ahead(core: Core, point: Point, which: str = "confirm") -> float:
 
 def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:
     """Mean squares of the error ahead, noise and all, and of the noise, in spreads of the outputs."""
+    errors = by_record(core, point, which)
+    if errors is None:
+        return float("inf"), 0.0
+    all_errors = np.concatenate(errors)
+    known = [(point.values[NOISE + n] / core.spread[n]) ** 2 for n in core.outputs]
+    count = max(int((~np.isnan(all_errors)).sum()), 1)
+    return float(np.nansum(all_errors**2)) / count, float(np.sum(~np.isnan(all_errors) * known)) / count
+
+
+def by_record(core: Core, point: Point, which: str = "confirm") -> list[np.ndarray] | None:
+    """Errors ahead of every recording [samples, outputs] in spreads of the outputs; NaN: not recorded.
+
+    None where the model runs away.
+    """
     ids = windows(core, which, horizon_s(core))
     run = core.kalman.run(point.values, point.present, windows=ids, own=True)
     if run is None:
-        return float("inf"), 0.0
-    total, known, count = 0.0, 0.0, 0
+        return None
     spread = np.array([core.spread[n] for n in core.outputs])
-    noise = np.array([point.values[NOISE + n] for n in core.outputs])
-    for f, i in zip(run, ids, strict=True):
-        error = (f.y - f.free)[i > 0] / spread
-        good = ~np.isnan(error)
-        # an error that runs away counts as the whole motion, not as more
-        error = np.clip(error, -3.0, 3.0)
-        total += float(np.sum(np.where(good, error, 0.0) ** 2))
-        known += float(np.sum(good * (noise / spread) ** 2))
-        count += int(good.sum())
-    return total / max(count, 1), known / max(count, 1)
+    # an error that runs away counts as the whole motion, not as more
+    return [np.clip((f.y - f.free)[i > 0] / spread, -3.0, 3.0) for f, i in zip(run, ids, strict=True)]

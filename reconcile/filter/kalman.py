@@ -74,7 +74,7 @@ class Kalman:
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
         self.late = Late(self.whole, list(self.outputs))
         self.substeps = 1
-        self.extra = (0.0, 0.0)  # of all outputs: late by so much (s), and a drift, beside the parameters
+        self.extra_s = 0.0  # all outputs are late by so much, beside what the parameters say
         self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
         self.sizes: Mapping[str, Sequence[float]] = {}  # of what is met at a port
         self._begins: tuple[bytes, np.ndarray] | None = None
@@ -251,8 +251,8 @@ class Kalman:
         """
         late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
         late_out = {n: self.late.of_output(n, p) for n in self.outputs}
-        if any(self.extra):
-            late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
+        if self.extra_s:
+            late_out = {n: (d + self.extra_s, drift) for n, (d, drift) in late_out.items()}
         key = (k, tuple(late_in.items()), tuple(late_out.items()))
         if key not in self._kept:
             if len(self._kept) > KEPT:

@@ -2,44 +2,43 @@
 
 An offset that all recordings share cannot be told from a delay of the inputs or of all sensors: it is a
 hypothesis of the catalogue.  One that differs from recording to recording is not the machine's.  Every
-recording's own likelihood is looked at over offsets of its outputs; where the best ones differ, they are
-taken out of the recordings, which are then examined again.
+recording's own likelihood is looked at over offsets of its outputs; where the best ones differ, and take most
+of the model's error away, they are taken out of the recordings, which are then examined again.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from reconcile.equations.model import Attached
+from reconcile.errors.ahead import by_record
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
 from reconcile.recordings.data import Run, Signal
 from reconcile.search.core import Core
-from reconcile.tolerances import CLOCK_GAIN
+from reconcile.tolerances import CLOCK_GAIN, HALVED
 
 LATEST = 25  # sample periods by which clocks are looked for
 LEAST = 0.2  # of a sample period: smaller offsets do no harm
-DRIFTS = (-1e-2, -3e-3, -1e-3, -3e-4, -1e-4, 0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 ALIKE = ("input_delay", "sensor_delay")
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A recording's outputs are late by `offset_s` + `drift` times the time since its start."""
+    """A recording's outputs are late by `offset_s`."""
 
     offset_s: float = 0.0
-    drift: float = 0.0
     offset_error: float = 0.0
 
     def figures(self) -> dict[str, object]:
         """As the report has it."""
         half = 1.96 * self.offset_error
-        found: dict[str, object] = {
+        return {
             "time_offset_s": self.offset_s,
             "time_offset_ci95": [self.offset_s - half, self.offset_s + half],
         }
-        return found | ({"clock_drift": self.drift} if self.drift else {})
 
 
 def differing(core: Core, answer: Answer) -> dict[str, Clock]:
@@ -52,10 +51,30 @@ def differing(core: Core, answer: Answer) -> dict[str, Clock]:
         return {}
     for point in (answer.point, answer.base):
         offsets = core.period * np.arange(-LATEST, LATEST + 1)
-        table = _table(core, point, [(o, 0.0) for o in offsets])
-        if table is not None and (found := _told(core, names, offsets, table)):
+        table = _table(core, point, offsets)
+        if table is None:
+            continue
+        shared = float(offsets[np.argmin(table.sum(axis=1))])
+        own = {n: float(offsets[k]) for n, k in zip(names, np.argmin(table, axis=0), strict=True)}
+        found = _told(core, names, offsets, table)
+        # a model that is wrong in another way follows each recording better with some offset of its own
+        if found and _error(core, point, own) <= HALVED * _error(core, point, dict.fromkeys(names, shared)):
             return found
     return {}
+
+
+def _error(core: Core, point: Point, offsets: Mapping[str, float]) -> float:
+    """Error ahead (rms, in spreads) over fit and confirm, each recording's outputs late by its own offset."""
+    errors: list[np.ndarray] = []
+    for offset in set(offsets.values()):
+        with _late(core, offset):
+            found = [by_record(core, point, which) for which in ("fit", "confirm")]
+        for rows in found:
+            if rows is None:
+                return float("inf")
+            named = zip(rows, core.records, strict=True)
+            errors += [r for r, record in named if offsets[record.run.recording] == offset]
+    return float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))
 
 
 def _told(core: Core, names: Sequence[str], offsets: np.ndarray, table: np.ndarray) -> dict[str, Clock]:
@@ -70,30 +89,36 @@ def _told(core: Core, names: Sequence[str], offsets: np.ndarray, table: np.ndarr
         left, middle, right = table[k - 1 : k + 2, r]
         bend = max(left - 2.0 * middle + right, 1e-9)
         offset = offsets[k] + 0.5 * core.period * float(np.clip((left - right) / bend, -1.0, 1.0))
-        clocks[name] = Clock(float(offset), 0.0, core.period / float(np.sqrt(bend)))
+        clocks[name] = Clock(float(offset), core.period / float(np.sqrt(bend)))
     least = min(clocks.values(), key=lambda c: abs(c.offset_s)).offset_s
     clocks = {n: replace(c, offset_s=c.offset_s - least) for n, c in clocks.items()}
     largest = max(abs(c.offset_s) for c in clocks.values())
     return clocks if largest > LEAST * core.period else {}
 
 
-def _table(core: Core, point: Point, clocks: Sequence[tuple[float, float]]) -> np.ndarray | None:
-    """Nats [clocks, recordings] with all outputs late by an offset and a drift."""
+def _table(core: Core, point: Point, offsets: np.ndarray) -> np.ndarray | None:
+    """Nats [offsets, recordings] with all outputs late by an offset."""
     rows = []
-    kalman, fitter = core.kalman, core.fitter
-    for offset, drift in clocks:
-        kalman.extra = (offset, drift)
-        try:
-            run = kalman.run(point.values, point.present, own=True)
-        finally:
-            kalman.extra = (0.0, 0.0)
+    for offset in offsets:
+        with _late(core, offset):
+            run = core.kalman.run(point.values, point.present, own=True)
         if run is None:
             return None
         nats = dict.fromkeys(_recordings(core), 0.0)
         for f, record in zip(run, core.records, strict=True):
-            nats[record.run.recording] += _nats(fitter, f, record)
+            nats[record.run.recording] += _nats(core.fitter, f, record)
         rows.append(list(nats.values()))
     return np.array(rows)
+
+
+@contextmanager
+def _late(core: Core, offset: float) -> Iterator[None]:
+    """All outputs are late by an offset (s) meanwhile."""
+    core.kalman.extra_s = offset
+    try:
+        yield
+    finally:
+        core.kalman.extra_s = 0.0
 
 
 def _recordings(core: Core) -> list[str]:
@@ -137,9 +162,7 @@ def settled(
     core = again([corrected(runs, clocks) for runs in given])
     own = {n: v for n, v in point.values.items() if n in core.values}
     offsets = 0.25 * core.period * np.arange(-6, 7)
-    table = _table(
-        core, replace(core.base, values=core.values | own, present=point.present), [(o, 0.0) for o in offsets]
-    )
+    table = _table(core, replace(core.base, values=core.values | own, present=point.present), offsets)
     if table is None:
         return clocks
     best = offsets[np.argmin(table, axis=0)]
@@ -150,10 +173,7 @@ def settled(
 
 
 def _corrected(run: Run, clock: Clock) -> Run:
-    outputs = {
-        n: Signal(s.time - clock.offset_s - clock.drift * (s.time - run.start_s), s.values)
-        for n, s in run.outputs.items()
-    }
+    outputs = {n: Signal(s.time - clock.offset_s, s.values) for n, s in run.outputs.items()}
     start = max(run.start_s, *(s.time[0] for s in outputs.values()))
     end = min(run.end_s, *(s.time[-1] for s in outputs.values()))
     return replace(run, start_s=float(start), end_s=float(end), outputs=outputs)
