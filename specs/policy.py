@@ -58,6 +58,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "qd_boom_ref": (-ARM_LIMIT, ARM_LIMIT),
     "qd_stick_ref": (-ARM_LIMIT, ARM_LIMIT),
 }
+MOST_LEAD_S = 5.0
 MOST_CHANGE = 2.0  # of the joystick in a period: from one end to the other
 PRIORS = ("", "pd", "parabola", "gentle")
 META = "slewright.policy"  # key of the ONNX metadata that holds `Contract.as_json`
@@ -90,6 +91,7 @@ class Contract:
     format: int = FORMAT
     specs_version: str = VERSION
     change: float = 0.0  # limit inside the graph: u_slew's change a period stays below it; 0: without limit
+    lead_s: float = 0.0  # its target moves along a way and is told this much ahead; 0: it stands
     prior: str = ""  # a law inside the graph that the network's answer is added to (PRIORS)
     data_sha256: str = ""  # of the slew networks it was trained with
     ranges: Mapping[str, tuple[float, float]]
@@ -106,6 +108,8 @@ class Contract:
         found += [f"prior {self.prior!r} (valid: {', '.join(PRIORS)})"] if self.prior not in PRIORS else []
         if not 0.0 <= self.change <= MOST_CHANGE:
             found.append(f"change {self.change!r} (valid: 0 to {MOST_CHANGE:g})")
+        if not 0.0 <= self.lead_s <= MOST_LEAD_S:
+            found.append(f"lead_s {self.lead_s!r} (valid: 0 to {MOST_LEAD_S:g})")
         for name in ("format", "rate_hz", "spacing_s"):
             if getattr(self, name) != getattr(wanted, name):
                 found.append(f"{name} {getattr(self, name)!r}, specs say {getattr(wanted, name)!r}")

@@ -235,6 +235,7 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
         chosen.history,
         prior=chosen.prior,
         change=chosen.change,
+        lead_s=chosen.lead_s,
         data_sha256=training.data,
         ranges=ranges(training.trainer, chosen),
         made=made,

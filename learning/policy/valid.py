@@ -11,7 +11,7 @@ from typing import Any
 
 from learning.policy.simulation.rewards import TERMS
 from specs.errors import InputError
-from specs.policy import MOST_CHANGE, MOST_HISTORY, PRIORS, SPACING_S
+from specs.policy import MOST_CHANGE, MOST_HISTORY, MOST_LEAD_S, PRIORS, SPACING_S
 
 ABSENT = (-1.0, -1.0)  # a range that leaves the nominal value
 MOST_AHEAD_S = 0.9  # of the ten speeds that the slew networks see one must be there
@@ -105,7 +105,8 @@ RECIPE: Mapping[str, Rule] = {
     "last": Rule(is_dataclass, "last.WIDTH=NUMBER"), "curriculum": NO_LESS, "late_terms": SOME_TERMS,
     "change": number(0, MOST_CHANGE), "start": TEXT, "family": TRUTH,
     "random": Rule(is_dataclass, "random.NAME=[LOW,HIGH]"), "episode_s": number(SPACING_S), "ending": FINITE,
-    "consecutive": SHARE, "swinging": SHARE, "ahead_s": number(0, MOST_AHEAD_S), "spatial": TRUTH,
+    "lead_s": number(0, MOST_LEAD_S), "consecutive": SHARE, "swinging": SHARE,
+    "ahead_s": number(0, MOST_AHEAD_S), "spatial": TRUTH,
     "envs": whole(1), "iterations": whole(1), "rate": POSITIVE,
     "steps": whole(1), "epochs": whole(1), "batches": whole(1), "deviation": POSITIVE,
     "deviation_least": POSITIVE, "discount": SHARE, "trace": SHARE,

@@ -55,6 +55,11 @@ def controllers(paths: Sequence[Path]) -> dict[Path, registry.Controller]:
     return {path: registry.foreign(model_folder(path), n, f"policy {n}") for path, n in names.items()}
 
 
+def lead_s(path: Path) -> float:
+    """By how much a policy is led along a way; 0: it was trained for targets that stand, or says nothing."""
+    return read(path).contract.lead_s if path.suffix == ".onnx" else 0.0
+
+
 def _plain(path: Path) -> str:
     """A file's or folder's name in letters, digits and underscores."""
     return re.sub(r"\W", "_", path.absolute().stem)

@@ -35,7 +35,7 @@ SYSTEM = "reference"
 TICK_S = 0.02
 DIRECT_S = 25.0  # for a target at most, of a controller without a plan
 LED = "@path"  # after a controller's name: its target is moved along the planned path
-LEAD_S = 1.5  # by which that target is ahead of the plan
+LEAD_S = 1.5  # by which that target is ahead of the plan, where a policy does not say another time
 LEFT_SHARE = 0.8  # of the tolerance: so near a blind controller leaves a target that it passes for the next
 AFTER_S = 2.0  # recorded beyond the last target
 GUARDED = "+guard"  # after a controller's name: the guard of the control core stands behind it
@@ -162,9 +162,16 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
 def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
     """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
     system, settings = _controlled(case.driver.removesuffix(LED), bool(case.guarding))
-    aims = Aims(case.scene, legs)
+    aims = Aims(case.scene, legs, _lead_s(case.driver.removesuffix(LED)))
     record, parts = _driven(case, system, SENSED, aims, aims.longest_s + AFTER_S, settings)
     return Ran(case, record, legs, tuple(aims.begins), parts)
+
+
+@cache
+def _lead_s(controller: str) -> float:
+    """By how much a controller is led: a policy that was trained for it says so."""
+    told = 0.0 if controller in registry.names() else policies.lead_s(File(controller))
+    return told or LEAD_S
 
 
 @dataclass(frozen=True)
@@ -178,7 +185,8 @@ class Aim:
 class Aims:
     """What a controller of targets is told at each tick: the scene's target, or the planned way ahead."""
 
-    def __init__(self, scene: Scene, legs: tuple[Leg, ...]):
+    def __init__(self, scene: Scene, legs: tuple[Leg, ...], lead_s: float):
+        self._lead = round(lead_s / TICK_S)
         self.begins: list[int] = []
         self.aims = [_led(leg.path) for leg in legs if leg.path]
         self.aims = self.aims or [_straight(target, scene.tolerance_m) for target in scene.targets]
@@ -201,7 +209,7 @@ class Aims:
             else:
                 self._after += 1
         way = self.aims[len(self.begins) - 1].way
-        ahead = min(tick - self.begins[-1] + round(LEAD_S / TICK_S), len(way) - 1)
+        ahead = min(tick - self.begins[-1] + self._lead, len(way) - 1)
         told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
         over = self._after * TICK_S >= AFTER_S
         return None if over else {**told, "load_told": 0.0, "pace": 1.0}

@@ -1,7 +1,9 @@
 """The training environment: n simulated machines with sensors, targets, rewards and terminations, at 10 Hz.
 
-Targets lie at slew angle 0, so that the slew angle is the error (paper).  Everything is a tensor [rows, n]
-and no operation works in place, so that a whole episode can be differentiated.
+Targets lie at slew angle 0, so that the slew angle is the error (paper).  Where a recipe leads its policy
+(`lead_s`), the target that is told moves along a way, and is by that time ahead of the one that counts.
+Everything is a tensor [rows, n] and no operation works in place, so that a whole episode can be
+differentiated.
 """
 
 import math
@@ -25,6 +27,7 @@ from learning.policy.simulation.period import tip_of
 from learning.policy.simulation.plant import Machine, Plant, nominal
 from learning.policy.simulation.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
 from learning.policy.simulation.situation import Situation
+from learning.policy.simulation.ways import ARM, LEGS, ROUNDING, SLEW, Pace, ways
 from specs import parameters
 from specs.policy import CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TICK_S
 
@@ -59,6 +62,7 @@ class Environment:
         self.noisy = any(sizes)
         self._noise_step = torch.tensor(sizes, device=device)[:, None] / 2**16
         self._quiet = torch.zeros(len(sizes), self.n, device=device)
+        self.lead = round(recipe.lead_s / SPACING_S)
 
     # ---- random numbers ----
 
@@ -123,7 +127,8 @@ class Environment:
     def fresh(self) -> Situation:
         """New machines at rest in random poses, the tool hanging, or (share `swinging`) swinging."""
         boom, stick, *_ = self.poses()
-        state = self.plant.start(self._slew_errors(), boom, stick, self.boost)
+        error, way = self._aims(torch.stack([boom, stick]))
+        state = self.plant.start(error, boom, stick, self.boost)
         if self.recipe.swinging:
             moving = (self.uniform(0.0, 1.0) < self.recipe.swinging).float()
             swing = torch.cat([self._either_way(SWING[0], 2), self._either_way(SWING[1], 2)]) * moving
@@ -135,7 +140,7 @@ class Environment:
         zero = torch.zeros(self.n, device=self.device)
         found = Situation(
             state, machine, zero.expand(len(CHANNELS), self.recipe.history, -1), zero.expand(LATE + 1, 2, -1),
-            zero.expand(3, -1), state.q, self._targets(boom, stick), told, self.uniform(*r.pace), bias,
+            zero.expand(3, -1), state.q, self._at(way, self.lead)[1:], way, told, self.uniform(*r.pace), bias,
             zero.long(),
         )  # fmt: skip
         row = self._row(found)
@@ -143,17 +148,37 @@ class Environment:
 
     def retargeted(self, now: Situation) -> Situation:
         """The same machines as they are, with new targets: angle and history turn with the target."""
-        q = self._slew_errors()
-        turn = q - now.state.q
-        place = CHANNELS.index(SLEW_ERROR)
-        turned = (now.sensors[place] + turn)[None]
-        sensors = torch.cat([now.sensors[:place], turned, now.sensors[place + 1 :]])
-        arm = now.state.arm
-        return replace(
-            now, state=replace(now.state, q=q), sensors=sensors, start=q,
-            target=self._targets(arm[0], arm[1]),
-            pace=self.uniform(*self.random.pace), age=torch.zeros_like(now.age),
-        )  # fmt: skip
+        q, way = self._aims(now.state.arm[:2])
+        target = self._at(way, self.lead)[1:]
+        turned = replace(_turned(now, q), start=q, target=target, way=way)
+        return replace(turned, pace=self.uniform(*self.random.pace), age=torch.zeros_like(now.age))
+
+    def _aims(self, arm: Tensor) -> tuple[Tensor, Tensor]:
+        """Slew errors [n] at the start, and ways [3, periods, n] from arm angles [2, n]."""
+        if not self.lead:
+            error = self._slew_errors()
+            return error, torch.cat([0.0 * error[None], self._targets(*arm)])[:, None]
+        turns = torch.cumsum(torch.stack([self._slew_errors() for _ in range(LEGS)]), 0)
+        start = torch.cat([torch.zeros_like(arm[:1]), arm])
+        further = [torch.cat([turn[None], self.poses()[:2]]) for turn in turns]
+        pace = Pace(self.uniform(*SLEW), self.uniform(*ARM), self.uniform(*ROUNDING))
+        angles = ways(torch.stack([start, *further]), pace, self.periods + self.lead + 1)
+        radius, height = self.plant.tip(_in_row(torch.cat([angles[1:], 0.0 * angles[1:]])))[0]
+        place = torch.stack([radius, height - kinematics.geometry().tool_length]).view(2, -1, self.n)
+        way = torch.cat([angles[:1], place])
+        return -self._at(way, self.lead)[0], way
+
+    def _at(self, way: Tensor, period: Tensor | int) -> Tensor:
+        """Where targets are [3, n] in periods [n]."""
+        at = torch.as_tensor(period, device=way.device).clamp(max=way.shape[1] - 1).expand(self.n)
+        return way.gather(1, at.expand(3, 1, -1))[:, 0]
+
+    def _counts(self, s: Situation) -> Tensor:
+        """The target that counts [3, n]: its angle less that of the one that is told, radius and height."""
+        if not self.lead:
+            return torch.cat([torch.zeros_like(s.target[:1]), s.target])
+        now, told = self._at(s.way, s.age), self._at(s.way, s.age + self.lead)
+        return torch.cat([now[:1] - told[:1], now[1:]])
 
     def _slew_errors(self) -> Tensor:
         low, high = self.random.slew_error
@@ -184,10 +209,14 @@ class Environment:
         flat = s.sensors.reshape(-1, self.n), s.rates.reshape(-1, self.n)
         now = (action, state.q, state.arm, state.tool, state.omega, s.bias, self._noise())
         sensors, rates = self._sense(*flat, *now, s.machine.rate_filter)
-        return replace(
+        after = replace(
             s, state=state, action=action, age=s.age + 1,
             sensors=sensors.view(s.sensors.shape), rates=rates.view(s.rates.shape),
         )  # fmt: skip
+        if not self.lead:
+            return after
+        last, told = self._at(s.way, s.age + self.lead), self._at(s.way, after.age + self.lead)
+        return replace(_turned(after, after.state.q + last[0] - told[0]), target=told[1:])
 
     def _row(self, s: Situation) -> Tensor:
         """What the sensors show now [channels, n], in the order of CHANNELS; noise is new each time."""
@@ -214,10 +243,11 @@ class Environment:
         used = 1 if self.recipe.task == "slew" else 3
         many = lambda take, which=after: torch.cat([take(s) for s in which], dim=-1)  # noqa: E731
         arm, tool, q = (many(lambda s, k=k: getattr(s.state, k)) for k in ("arm", "tool", "q"))
-        target = many(lambda s: s.target)
-        (point,) = self._miss(q, arm, tool, target)
+        counts = many(self._counts)
+        q = q - counts[0]
+        (point,) = self._miss(q, arm, tool, counts[1:])
         error = point if self.recipe.task == "full" else ARC * q[None]
-        low = (self.lowest - point[2] - target[1]).clamp(min=0.0)
+        low = (self.lowest - point[2] - counts[2]).clamp(min=0.0)
         action, last = (many(lambda s: s.action, w) / self._action_scale for w in (after, before))
         return Instant(
             error, action[:used], last[:used], q, many(lambda s: s.start), many(lambda s: s.state.omega[-1]),
@@ -244,6 +274,19 @@ class Environment:
     def periods(self) -> int:
         """Steps of an episode."""
         return round(self.recipe.episode_s / SPACING_S)
+
+
+def _in_row(values: Tensor) -> Tensor:
+    """[rows, periods, n] -> [rows, periods * n]."""
+    return values.reshape(len(values), -1)
+
+
+def _turned(s: Situation, q: Tensor) -> Situation:
+    """The same with the slew angle, now `q` and before, counted from another direction."""
+    place = CHANNELS.index(SLEW_ERROR)
+    row = (s.sensors[place] + (q - s.state.q))[None]
+    sensors = torch.cat([s.sensors[:place], row, s.sensors[place + 1 :]])
+    return replace(s, state=replace(s.state, q=q), sensors=sensors)
 
 
 @cache

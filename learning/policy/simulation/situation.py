@@ -22,6 +22,7 @@ class Situation:
     action: Tensor  # [3, n] last commands
     start: Tensor  # slew error when the target came
     target: Tensor  # [2, n] radius, height
+    way: Tensor  # [3, periods, n] angle, radius, height of a target that moves; of one that stands one period
     told: Tensor  # load told
     pace: Tensor
     bias: Tensor  # [7, n] of q_slew, q_boom, q_stick, roll, pitch, roll rate, pitch rate
