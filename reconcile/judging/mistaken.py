@@ -69,12 +69,16 @@ def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
 
 
 def turned_parameters(answer: Answer) -> str:
-    """A sentence on base parameters that come out with the other sign than in model.py; "" without."""
+    """A sentence on base parameters that come out with the other sign than in model.py; "" without.
+
+    Of one that may well be twice as large or nothing, by its tolerance, the sign is no more than a guess.
+    """
     errors, point = standard_errors(answer.point), answer.point
     found = [
         f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}"
         for v in answer.core.model.parameters
         if v.name in errors
+        and (v.tolerance or 0.0) < 1.0
         and v.start * point.values[v.name] < 0.0
         and abs(point.values[v.name]) > errors[v.name]
         and abs(point.values[v.name] - v.start) > MOVED * errors[v.name]

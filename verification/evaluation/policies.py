@@ -49,8 +49,10 @@ def short_names(paths: Sequence[Path]) -> list[str]:
     return found
 
 
-def controllers(paths: Sequence[Path]) -> dict[Path, registry.Controller]:
-    """Policies and model folders as controllers, by their path."""
+def controllers(paths: Sequence[Path], led: bool = False) -> dict[Path, registry.Controller]:
+    """Policies and model folders as controllers, by their path; not `led`: for targets that stand."""
+    if not led:
+        check_standing(paths)
     names = dict(zip(paths, short_names(paths), strict=True))
     return {path: registry.foreign(model_folder(path), n, f"policy {n}") for path, n in names.items()}
 
@@ -60,13 +62,24 @@ def lead_s(path: Path) -> float:
     return read(path).contract.lead_s if path.suffix == ".onnx" else 0.0
 
 
+def check_standing(paths: Sequence[Path]) -> None:
+    """InputError names a policy that was trained to be led along a way."""
+    for path in paths:
+        if lead_s(path):
+            raise InputError(
+                f"{path} was trained to be led along a planned path, not for a target that stands; "
+                f"slewright scenes SCENE --controller {path}@path drives it"
+            )
+
+
 def _plain(path: Path) -> str:
     """A file's or folder's name in letters, digits and underscores."""
     return re.sub(r"\W", "_", path.absolute().stem)
 
 
 def task_of(paths: Sequence[Path]) -> str:
-    """The task of ONNX policies; InputError if one is none of this contract, or they are of several tasks."""
+    """The task of ONNX policies for targets that stand; InputError if one is none, or they are of several."""
+    check_standing(paths)
     tasks = sorted({read(path).contract.task for path in paths})
     if len(tasks) != 1:
         raise InputError(f"policies of several tasks: {', '.join(tasks)}; one at a time")

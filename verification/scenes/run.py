@@ -117,6 +117,8 @@ def check(controller: str) -> None:
         raise InputError(f"controller {controller}: {blind} follows the path anyway; say {blind}")
     if blind not in names() and not File(blind).is_file():
         raise InputError(f"no controller '{blind}'; {nearest(blind, names())}, or a policy's .onnx file")
+    if blind == controller and blind not in names() and policies.lead_s(File(blind)):
+        raise InputError(f"controller {blind}: it was trained to be led along a path; say {blind}{LED}")
 
 
 def run(case: Case) -> Ran:
@@ -291,7 +293,7 @@ def _controlled(name: str, opened: bool) -> tuple[System, dict[str, float]]:
     if name in registry.names():
         found = registry.find(name)
     else:
-        found = policies.controllers([File(name)])[File(name)]
+        found = policies.controllers([File(name)], led=True)[File(name)]
     with TemporaryDirectory(prefix="slewright-") as folder:
         packed = pack_system(SYSTEM, out=File(folder), models=found.models, opened=OPENED if opened else {})
         return load_system(packed), found.parameters

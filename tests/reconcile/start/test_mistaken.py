@@ -150,11 +150,12 @@ def test_a_dead_zone_that_takes_nearly_all_of_a_command_is_no_turned_sign(tmp_pa
     assert mistaken.evident(core) == ""
 
 
-def test_a_gain_that_turns_its_sign_is_said(tmp_path: Path):
-    own = checks.open_folder(str(folder(tmp_path / "model", GAIN)))
+@pytest.mark.parametrize(("start", "asked"), [("start=-1", True), ("start=-1, tolerance=10", False)])
+def test_a_gain_that_turns_its_sign_is_said_unless_it_was_a_guess(tmp_path: Path, start: str, asked: bool):
+    own = checks.open_folder(str(folder(tmp_path / "model", GAIN.replace("start=-1", start))))
     names = {"q": "position [rad]", "M": "torque [N.m]"}
     figures, _ = examine(own, read_run(recorded(tmp_path / "a.csv"), own, names))
-    assert "instead of -1: is the sign of a channel turned?" in figures["sentence"]
+    assert ("instead of -1: is the sign of a channel turned?" in figures["sentence"]) == asked
 
 
 def test_a_parameter_at_its_limit_is_said(tmp_path: Path):
