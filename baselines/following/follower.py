@@ -48,13 +48,12 @@ class Tracking:
         self._known = [v.name for v in TRACKER.inputs]
         self._arrival = Arrival()
         self._path: Path | None = None
-        self._tick = 0
 
     def begin(self, path: Path) -> None:
         """Follow this path."""
         if self._leads:
             path = led(path, 1.0 / self._stepper.state("inverse_length"))
-        self._path, self._tick = path, 0
+        self._path = path
         self._arrival.begin(of_path(path))
 
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
@@ -62,8 +61,7 @@ class Tracking:
         path = self._path
         if path is None:
             raise InputError("a follower needs a path before its first step")
-        angles, rates, accelerations = path.at(self._tick)
-        self._tick += 1
+        angles, rates, accelerations = path.at(self._arrival.tick)
         slew = (angles[0], rates[0], accelerations[0])
         reference = (*slew, angles[1], rates[1], angles[2], rates[2], path.angles[-1, 0])
         for k, name in enumerate(self._known):

@@ -92,7 +92,7 @@ class Predictive:
     def _told(self, states: np.ndarray) -> np.ndarray:
         """What each stage is told (`cost.SIZE`, stages)."""
         p, stages = self._p, solver.STAGES
-        ticks = self._tick + WAY + STAGE_TICKS * np.arange(1, stages + 1)
+        ticks = self._arrival.tick + WAY + STAGE_TICKS * np.arange(1, stages + 1)
         way = self._way[np.minimum(ticks, len(self._way) - 1)]
         last = np.arange(stages) == stages - 1
         poses = states[:, ROWS]

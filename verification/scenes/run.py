@@ -11,7 +11,7 @@ import numpy as np
 
 from baselines import registry
 from baselines.following import follower
-from baselines.following.arrival import MOST_EXTRA_S, SENSED, Arrival, End, of_path
+from baselines.following.arrival import MOST_EXTRA_S, MOST_WAIT_S, SENSED, Arrival, End, of_path
 from baselines.planning.path import Path
 from baselines.planning.planner import Leg, Planner, hanging, pose_of
 from orchestrator.run.master import Options
@@ -156,7 +156,7 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
             return None
         return checked(driver.step({**sensors, "load_told": 0.0, "pace": 1.0}), case.controller)
 
-    seconds = sum(path.seconds + MOST_EXTRA_S for path in paths) + AFTER_S
+    seconds = sum(path.seconds + MOST_EXTRA_S + MOST_WAIT_S for path in paths) + AFTER_S
     record, parts = _driven(case, bare(bool(case.guarding)), offered(SYSTEM), answer, seconds)
     return Ran(case, record, legs, tuple(begins), parts)
 
@@ -198,7 +198,7 @@ class Aims:
     @property
     def longest_s(self) -> float:
         """For all of them."""
-        return sum(aim.end.longest_s for aim in self.aims)
+        return sum(aim.end.longest_s + MOST_WAIT_S * (aim.end.way is not None) for aim in self.aims)
 
     def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         """Inputs of the system; None some time after the last target."""
@@ -211,7 +211,7 @@ class Aims:
             else:
                 self._after += 1
         way = self.aims[len(self.begins) - 1].way
-        ahead = min(tick - self.begins[-1] + self._lead, len(way) - 1)
+        ahead = min(self._arrival.tick + self._lead, len(way) - 1)
         told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
         over = self._after * TICK_S >= AFTER_S
         return None if over else {**told, "load_told": 0.0, "pace": 1.0}
