@@ -1,4 +1,4 @@
-"""The time on a way, and when it has ended: the grab stays near its target, by the sensors, or it took too long.
+"""The time on a way, and when it has ended: by its sensors the grab stays near, or it took too long.
 
 The time stands still while the grab is far beside where it is to be, as it is when a guard holds the machine:
 whoever is led goes on along the way then, and not straight across.
@@ -17,7 +17,7 @@ from specs import pose, shapes
 STILL_S = 1.0  # that the grab is to be near its target before a way has ended
 MOST_EXTRA_S = 12.0  # after the path's time: it is taken as ended even so
 BESIDE_M = 2.0  # from where the grab is to be, from which the way waits for it
-MOST_WAIT_S = 60.0  # on a way, in all
+MOST_WAIT_S = 20.0  # on a way, in all
 SENSED: tuple[str, ...] = ("q_slew", "q_boom", "q_stick", "imu_tool_pitch", "imu_tool_roll")
 
 

@@ -164,13 +164,13 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
 def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
     """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
     system, settings = _controlled(case.driver.removesuffix(LED), bool(case.guarding))
-    aims = Aims(case.scene, legs, _lead_s(case.driver.removesuffix(LED)))
+    aims = Aims(case.scene, legs, lead_s(case.driver.removesuffix(LED)))
     record, parts = _driven(case, system, SENSED, aims, aims.longest_s + AFTER_S, settings)
     return Ran(case, record, legs, tuple(aims.begins), parts)
 
 
 @cache
-def _lead_s(controller: str) -> float:
+def lead_s(controller: str) -> float:
     """By how much a controller is led: a policy that was trained for it says so."""
     told = 0.0 if controller in registry.names() else policies.lead_s(File(controller))
     return told or LEAD_S

@@ -1,6 +1,7 @@
 """Policies from the command line: trained, evaluated, beside the baselines; what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,14 @@ from learning.policy import export
 from learning.policy.controller import write_folder
 from slewright.commands.controllers.evaluate import evaluate
 from specs.errors import InputError
+from specs.policy import contract
 from tests.conftest import Command
 from tests.learning.policy.test_export import made
 from verification.comparison.plan import Question
 from verification.comparison.tables import command_line
 from verification.evaluation import evaluation, policies
 from verification.runs import replacement
+from verification.scenes import run
 
 SHIPPED = Path("learning/policies")
 
@@ -85,6 +88,29 @@ def test_policies_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) ->
         policies.short_names([both[0], tmp_path / "other" / "L-1" / "full.onnx"])
     with pytest.raises(InputError, match="two controllers called 'pd'"):
         Question(controllers=[registry.find("pd"), registry.find("pd")])
+
+
+def test_a_policy_that_is_led_drives_where_something_leads_it_and_is_refused_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(policies, "FOLDER", tmp_path)
+    policy = made("full", prior="")
+    led = replace(policy, contract=replace(policy.contract, lead_s=1.2))
+    path = export.write(led, tmp_path / "led.onnx")
+    for standing in (policies.task_of, policies.controllers):
+        with pytest.raises(InputError, match=r"led along a planned path.* --controller .*led.onnx@path"):
+            standing([path])
+    assert policies.controllers([path], led=True)[path].label == "policy led"
+    with pytest.raises(InputError, match=r"say .*led.onnx@path"):
+        run.check(str(path))
+    run.check(f"{path}{run.LED}")
+    assert run.lead_s(str(path)) == 1.2
+    assert run.lead_s("pd") == run.LEAD_S
+
+
+@pytest.mark.parametrize("lead", [-0.1, 5.1, float("nan")])
+def test_a_lead_that_is_none_is_refused(lead: float) -> None:
+    assert any("lead_s" in text for text in replace(contract("full"), lead_s=lead).differences())
 
 
 def test_compare_says_its_command_with_the_policies(policy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
