@@ -179,7 +179,10 @@ _OWN_PPO = {
     "balance": 1.0, "target": 1.0, "settle": 0.5, "action": 0.1, "overshoot": 2.0, "sway": 2.0,
     "one_shot": 0.1, "keep_out": 1.0, "limits": 0.05,
 }  # fmt: skip
-_ON_PATH = {"balance": 1.0, "target": 1.0, "sway": 1.5, "action": 0.3, "keep_out": 2.0, "limits": 0.05}
+_ON_PATH = {
+    "balance": 1.0, "target": 1.0, "closing": 3.0, "sway": 2.5, "action": 0.3, "keep_out": 2.0,
+    "limits": 0.05,
+}  # fmt: skip
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
@@ -195,10 +198,7 @@ _FAMILY: dict[str, Any] = {
         oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), **_DRIVES
     ),
 }  # fmt: skip
-_EXACT: dict[str, Any] = {
-    "first": Shape(0.5, 0.5),
-    "last": Shape(0.5, 0.5),
-}  # beside a way, not far from a target
+_EXACT: dict[str, Any] = {"first": Shape(0.5, 0.5), "last": Shape(0.5, 0.5)}  # beside a way
 _SCRATCH: dict[str, Any] = {  # ours, PPO
     "method": "ppo", "deviation_least": 0.05, "asymmetric": True, "spatial": True, "episode_s": 15.0,
     "consecutive": 0.5, "first": Shape(8.0, 4.0, 0.3, 0.4), "last": Shape(1.0, 0.5, 0.1, 0.06),
@@ -242,7 +242,7 @@ _RECIPES = (
     ),
     Recipe(
         "path", "ours, led along planned paths: goes on from `full.onnx` by the simulation's gradient",
-        start="full.onnx", weights=_ON_PATH, **{**_FAMILY, **_EXACT}, lead_s=1.0, iterations=300, rate=5e-4,
+        start="full.onnx", weights=_ON_PATH, **{**_FAMILY, **_EXACT}, lead_s=1.2, iterations=500, rate=5e-4,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,
