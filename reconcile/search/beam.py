@@ -19,6 +19,7 @@ FAR = 0.5  # of the evidence that the best set gains: what gains less is not bui
 TO_SETTLE = 0.25  # of the steps of a search: what fits to the end may go beyond them
 SETTLED = 3  # best sets that are fitted to the end
 COMPARED = 24  # best sets that are compared with the same noise
+BIAS, FAR_OFF = "sensor_bias", 0.5  # of a sensor's spread: a mean that may be the zero's alone
 ABSORBED = 0.25  # of the forces at a place: a disturbance that large may have taken over from the model
 
 
@@ -40,7 +41,10 @@ class Beam(Sets):
         for point in known:
             own = effects(point.values, point.present)
             self.fit(frozenset(point.present), point.present, [point.values], fresh=own)
+        zeros = self._zeros()
         self._grow([frozenset()], 0)
+        if zeros:
+            self._grow(zeros, 1)
         self.report("best sets again")
         self._refresh()
         self._mend()
@@ -107,6 +111,25 @@ class Beam(Sets):
             self.fit(key, point.present, [point.values])
             found += [key] if key in self.points and self.evidence(key) > before else []
         return sorted(dict.fromkeys(found), key=lambda k: -self.evidence(k))[: KEPT[0]]
+
+    def _zeros(self) -> list[Key]:
+        """Sets of one sensor whose zero is far off, most evidence first, where that is likelier than none.
+
+        Beside it the model follows the sensor with other parameters and a large disturbance: slopes there do
+        not tell it.  So it is fitted from the model as it came, with the mean of what it shows for its zero.
+        """
+        core, found = self.core, []
+        for a in core.candidates:
+            if a.effect.name != BIAS or abs(mean := core.mean(a.port)) < FAR_OFF * core.spread[a.port]:
+                continue
+            start, free = core.fresh | {a.name("bias"): mean}, [*core.base_free, *core.free_of(a)]
+            slow = core.fitter.fit(start, (a,), free, LONG, own=True)
+            key = frozenset({a})
+            if slow is not None:
+                self.fit(key, (a,), [slow.values])
+            if key in self.points and self.evidence(key) > self.evidence(frozenset()) + WORTH:
+                found.append(key)
+        return sorted(found, key=lambda k: -self.evidence(k))[: KEPT[0]]
 
     def _refresh(self) -> None:
         """Fit the best sets again from the model as it came."""

@@ -177,6 +177,12 @@ class Core:
         """Noise of every output: the sensor's specification, unless the recording is noisier than that."""
         return {n: _floor(self.model, n, self.runs) for n in self.outputs}
 
+    def mean(self, output: str) -> float:
+        """Of what the recordings show of an output."""
+        return float(
+            np.nanmean(np.concatenate([r.outputs[output].values for r in self.runs if output in r.outputs]))
+        )
+
     def force_size(self, place: str) -> float:
         """Size of what moves a place, in the unit of its disturbance."""
         if place in self.scales:
