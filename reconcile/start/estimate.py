@@ -33,3 +33,10 @@ def speed(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     low, high = np.arange(len(time)) - width, np.arange(len(time)) + width
     low, high = np.clip(low, 0, None), np.clip(high, None, len(time) - 1)
     return (position[high] - position[low]) / (time[high] - time[low])
+
+
+def swung(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """The angle about its mean, of what swings to and fro: a sensor's zero is in the mean of its rate."""
+    about = rate - np.mean(rate)
+    angle = np.append(0.0, np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(time)))
+    return angle - np.mean(angle)

@@ -54,6 +54,8 @@ def axis(template: str, kind: Motion, found: Mapping[str, Column], drive: Drive 
     if "position" in found:
         q = np.interp(t, found["position"].time, si(found["position"], kind.position))
     v = si(base, kind.velocity) if "velocity" in found else estimate.speed(t, q)
+    if "position" not in found:
+        q = estimate.swung(t, v)
     columns = {"damping": -v}
     if drive is not None:
         columns["gain"] = np.interp(t, drive.column.time, si(drive.column, drive.unit)) - (

@@ -104,8 +104,6 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
             f"{recording} has no position or speed in {kind.position} or the like; it has {listed}; "
             "put the unit into the heading, as in 'angle [deg]', or name another --template"
         )
-    if template == "pendulum" and "position" not in found:
-        raise InputError(f"{recording} has no angle, which --template pendulum needs; try rotary")
     used = dict(found)
     drive = _first(usable, "input", kind) or _left(usable, found, kind)
     unit = None if drive is None else _drive_unit(drive, kind)

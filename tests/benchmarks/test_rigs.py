@@ -17,17 +17,25 @@ TABLE = ROOT / "benchmarks" / "rigs" / "rigs.toml"
 
 def test_every_rig_has_its_recordings_and_a_model_that_reads_them():
     found = rigs.read_rigs(TABLE)
-    assert [r.name for r in found] == ["dfki_pendulum", "dfki_pendulum/null", "ball_drops", "ball_drops/null"]
+    names = ("dfki_pendulum", "ball_drops", "swinging_fork")
+    assert [r.name for r in found] == [n + end for n in names for end in ("", "/null")]
     for rig in found:
         folder = open_folder(str(rig.model))
         names = read_names(rig.names, [v.name for v in (*folder.model.inputs, *folder.model.outputs)])
         assert all(read_run(p, folder, names) for p in (*rig.fit, *rig.holdout))
 
 
-def test_the_licence_of_the_balls_comes_along():
-    data = ROOT / "tests" / "data" / "ball_drops"
-    assert "MIT" in (data / "README.md").read_text()
-    assert "Permission is hereby granted" in (data / "LICENSE").read_text()
+@pytest.mark.parametrize(
+    ("rig", "licence", "words"),
+    [
+        ("ball_drops", "MIT", "Permission is hereby granted"),
+        ("swinging_fork", "BSD", "Redistribution and use in source and binary forms"),
+    ],
+)
+def test_the_licence_of_a_recording_comes_along(rig: str, licence: str, words: str):
+    data = ROOT / "tests" / "data" / rig
+    assert licence in (data / "README.md").read_text()
+    assert words in (data / "LICENSE").read_text()
 
 
 def test_a_constant_force_fits_the_balls_better_than_the_drag_of_the_air():
@@ -126,3 +134,4 @@ def test_the_rigs_are_answered_and_their_null_controls_named_nothing(tmp_path: P
     assert found["dfki_pendulum"] in rigs.GOOD
     assert found["ball_drops"] in (*rigs.GOOD, "abstained")  # see docs/results/rigs.md
     assert found["dfki_pendulum/null"] == found["ball_drops/null"] == "right"
+    assert found["swinging_fork"] == found["swinging_fork/null"] == "right"

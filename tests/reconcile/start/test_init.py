@@ -286,6 +286,18 @@ def test_the_tolerance_of_what_is_known(tmp_path: Path):
     assert gravity.tolerance == 0.001
 
 
+def test_a_pendulum_of_which_a_gyroscope_alone_is_recorded(tmp_path: Path):
+    """Its angle is told by the sum of its rate, without the sensor's zero."""
+    time = np.arange(0.0, 20.0, 0.02)
+    rate = np.exp(-0.05 * time) * np.sin(np.sqrt(14.0) * time)
+    file = table(tmp_path / "fork.csv", {"time [s]": time, "gyro rate [rad/s]": rate + 1.4})
+    start(file, tmp_path / "first", "pendulum")
+    model = open_folder(str(tmp_path / "first")).model
+    assert [v.name for v in model.outputs] == ["velocity"]
+    length = next(v for v in model.parameters if v.name == "length")
+    assert length.start == pytest.approx(9.81 / 14.0, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("columns", "arguments", "said"),
     [
