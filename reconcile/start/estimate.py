@@ -36,7 +36,7 @@ def speed(time: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 
 def swung(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """The angle about its mean, of what swings to and fro: a sensor's zero is in the mean of its rate."""
+    """The angle of what swings to and fro about one place, from its rate, whatever that sensor's zero is."""
     about = rate - np.mean(rate)
     angle = np.append(0.0, np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(time)))
-    return angle - np.mean(angle)
+    return angle - np.polyval(np.polyfit(time, angle, 1), time)
