@@ -132,3 +132,9 @@ def test_bundle_warns_of_the_pace_it_starts_at(
         bundle(str(path), tmp_path, archive=None, sign=None, release="", config=None, json=None)
     (text,) = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
     assert text.startswith(f"warning: {slow}: pace 1 is outside the trained 0.2 … 0.8")
+
+
+def test_a_bundle_of_a_policy_that_is_led_says_what_has_to_lead_it() -> None:
+    told = list(training_range.at_start(Path("learning/policies/path.onnx")))
+    assert any("moves its target along a way, 1.2 s ahead" in text for text in told)
+    assert list(training_range.at_start(Path("learning/policies/full.onnx"))) == []
