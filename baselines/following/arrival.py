@@ -26,8 +26,8 @@ class End:
     """Where a way ends (n, 3) at each tick [m], the last row from then on, and when that counts.
 
     `within_m`, `stays_s`: how near the grab is to be, and for how long; `there_s`: from when on that is
-    looked at; `longest_s`: after that time the way has ended even so.  `way` (n, 3): where the grab is to be
-    at each tick [m], for which the time waits.
+    looked at; `longest_s`: after that time on the way it has ended even so.  `way` (n, 3): where the grab is
+    to be at each tick [m], without one that is the target.  The time waits on a way to a target that stands.
     """
 
     places: np.ndarray
@@ -36,6 +36,16 @@ class End:
     there_s: float = 0.0
     stays_s: float = STILL_S
     way: np.ndarray | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether the time stands still for a grab that is far beside the way."""
+        return self.way is not None and len(self.places) == 1
+
+    @property
+    def most_s(self) -> float:
+        """The longest that it can take, with all waiting."""
+        return self.longest_s + MOST_WAIT_S * self.waits
 
 
 class Arrival:
@@ -66,8 +76,9 @@ class Arrival:
         self._near = self._near + 1 if math.dist(grab, self._at(end.places)) <= end.within_m else 0
 
     def _waits(self, end: End, grab: np.ndarray) -> bool:
-        beside = 0.0 if end.way is None else math.dist(grab, self._at(end.way))
-        return beside > BESIDE_M and self._waited * TICK_S < MOST_WAIT_S
+        if end.way is None or not end.waits or self._waited * TICK_S >= MOST_WAIT_S:
+            return False
+        return math.dist(grab, self._at(end.way)) > BESIDE_M
 
     def _at(self, places: np.ndarray) -> np.ndarray:
         return places[min(self.tick, len(places) - 1)]
@@ -81,9 +92,6 @@ class Arrival:
 
 
 def of_path(path: Path) -> End:
-    """The end of a path: its target, looked at from when the path is there.
-
-    Only one whose target stands can wait.
-    """
-    way = hanging(path) if len(path.targets) == 1 else None
-    return End(path.targets, path.tolerance_m, path.seconds + MOST_EXTRA_S, path.seconds, way=way)
+    """The end of a path: its target, looked at from when the path is there."""
+    longest_s = path.seconds + MOST_EXTRA_S
+    return End(path.targets, path.tolerance_m, longest_s, path.seconds, way=hanging(path))

@@ -52,9 +52,10 @@ def warnings(path: Path, specs: Iterable[Spec], but: Sequence[str] = ()) -> Iter
 
 def at_start(path: Path) -> Iterator[str]:
     """The same of a policy in the machine controller: of what comes, the pace at the start alone is known."""
-    for text in contract.outside(_ranges(path), {"pace": float(signal("pace").start or 0.0)}):
+    told = read(path).contract
+    for text in contract.outside(told.ranges, {"pace": float(signal("pace").start or 0.0)}):
         yield f"{path}: {text}; it holds until a planner tells another"
-    if lead := read(path).contract.lead_s:
+    if lead := told.lead_s:
         yield f"{path}: trained to be led: whoever commands it moves its target along a way, {lead:g} s ahead"
 
 

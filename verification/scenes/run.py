@@ -11,9 +11,9 @@ import numpy as np
 
 from baselines import registry
 from baselines.following import follower
-from baselines.following.arrival import MOST_EXTRA_S, MOST_WAIT_S, SENSED, Arrival, End, of_path
+from baselines.following.arrival import SENSED, Arrival, End, of_path
 from baselines.planning.path import Path
-from baselines.planning.planner import Leg, Planner, hanging, pose_of
+from baselines.planning.planner import Leg, Planner, pose_of
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from orchestrator.system.assembly import assemble
@@ -156,7 +156,7 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
             return None
         return checked(driver.step({**sensors, "load_told": 0.0, "pace": 1.0}), case.controller)
 
-    seconds = sum(path.seconds + MOST_EXTRA_S + MOST_WAIT_S for path in paths) + AFTER_S
+    seconds = sum(of_path(path).most_s for path in paths) + AFTER_S
     record, parts = _driven(case, bare(bool(case.guarding)), offered(SYSTEM), answer, seconds)
     return Ran(case, record, legs, tuple(begins), parts)
 
@@ -176,14 +176,6 @@ def lead_s(controller: str) -> float:
     return told or LEAD_S
 
 
-@dataclass(frozen=True)
-class Aim:
-    """What a controller of targets is told on its way (n, 3) at each tick, and where that ends."""
-
-    way: np.ndarray
-    end: End
-
-
 class Aims:
     """What a controller of targets is told at each tick: the scene's target, or the planned way ahead."""
 
@@ -198,7 +190,7 @@ class Aims:
     @property
     def longest_s(self) -> float:
         """For all of them."""
-        return sum(aim.end.longest_s + MOST_WAIT_S * (aim.end.way is not None) for aim in self.aims)
+        return sum(aim.most_s for aim in self.aims)
 
     def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         """Inputs of the system; None some time after the last target."""
@@ -206,28 +198,29 @@ class Aims:
             self._arrival.watch(sensors)
         if self._arrival.ended:
             if len(self.begins) < len(self.aims):
-                self._arrival.begin(self.aims[len(self.begins)].end)
+                self._arrival.begin(self.aims[len(self.begins)])
                 self.begins.append(tick)
             else:
                 self._after += 1
-        way = self.aims[len(self.begins) - 1].way
+        aim = self.aims[len(self.begins) - 1]
+        way = aim.places if aim.way is None else aim.way
         ahead = min(self._arrival.tick + self._lead, len(way) - 1)
         told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
         over = self._after * TICK_S >= AFTER_S
         return None if over else {**told, "load_told": 0.0, "pace": 1.0}
 
 
-def _led(path: Path) -> Aim:
+def _led(path: Path) -> End:
     """Along a planned path; it may be there before the plan."""
-    return Aim(hanging(path), replace(of_path(path), there_s=0.0))
+    return replace(of_path(path), there_s=0.0)
 
 
-def _straight(target: Goal, tolerance_m: float) -> Aim:
+def _straight(target: Goal, tolerance_m: float) -> End:
     """Straight to a target; one that is passed is left as soon as it is near by the sensors."""
     places = target.at(np.arange(round(DIRECT_S / TICK_S) + 1 if target.path else 1) * TICK_S)
     if target.through:
-        return Aim(places, End(places, LEFT_SHARE * tolerance_m, DIRECT_S, stays_s=TICK_S))
-    return Aim(places, End(places, tolerance_m, DIRECT_S))
+        return End(places, LEFT_SHARE * tolerance_m, DIRECT_S, stays_s=TICK_S)
+    return End(places, tolerance_m, DIRECT_S)
 
 
 def _driven(
