@@ -10,7 +10,7 @@ from reconcile.filter.point import Point
 from reconcile.search import quiet
 from reconcile.search.core import Core
 from reconcile.search.screen import Screen
-from reconcile.search.sets import BEHIND, FRESH, LONG, SHORT, Key, Sets, effects
+from reconcile.search.sets import BEHIND, FRESH, LONG, Key, Sets, effects
 from reconcile.search.swaps import Swaps
 from reconcile.tolerances import KEPT, MOST_STEPS, SINGLES, WORTH
 
@@ -119,16 +119,15 @@ class Beam(Sets):
         not tell it.  So it is fitted from the model as it came, with the mean of what it shows for its zero.
         """
         core, found = self.core, []
-        least = core.slow.total if core.slow else np.inf
         for a in core.candidates:
             if a.effect.name != BIAS or abs(mean := core.mean(a.port)) < FAR_OFF * core.spread[a.port]:
                 continue
-            start, free = core.fresh | {a.name("bias"): mean}, [*core.base_free, *core.free_of(a)]
-            slow = core.fitter.fit(start, (a,), free, SHORT, hopeless=least, own=True)
-            if slow is None or slow.total > least - WORTH:
+            free = [*core.base_free, *core.free_of(a)]
+            slow = self._slow(core.fresh | {a.name("bias"): mean}, (a,), free)
+            if slow is None:
                 continue
             key = frozenset({a})
-            self.fit(key, (a,), [slow.values])
+            self.fit(key, (a,), [slow])
             if key in self.points and self.evidence(key) > self.evidence(frozenset()) + WORTH:
                 found.append(key)
         return sorted(found, key=lambda k: -self.evidence(k))[: KEPT[0]]

@@ -13,8 +13,7 @@ def slopes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients c and their deviations of values' = sum c_i moved_by_i, in integrated form."""
     lag = max(1, len(time) // STRETCHES, min(FEWEST, len(time) // 8))
-    step = np.diff(time)
-    areas = [np.append(0.0, np.cumsum(0.5 * (m[1:] + m[:-1]) * step)) for m in moved_by]
+    areas = [_sum(time, m) for m in moved_by]
     matrix = np.column_stack([a[lag:] - a[:-lag] for a in areas])
     change = values[lag:] - values[:-lag]
     size = np.linalg.norm(matrix, axis=0)
@@ -37,6 +36,10 @@ def speed(time: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 def swung(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """The angle of what swings to and fro about one place, from its rate, whatever that sensor's zero is."""
-    about = rate - np.mean(rate)
-    angle = np.append(0.0, np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(time)))
+    angle = _sum(time, rate - np.mean(rate))
     return angle - np.polyval(np.polyfit(time, angle, 1), time)
+
+
+def _sum(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The integral over time up to each sample, by trapezoids."""
+    return np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)))

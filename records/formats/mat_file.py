@@ -6,7 +6,6 @@ first.  Version 7.3 is HDF5, and objects (timeseries, table) open in MATLAB alon
 """
 
 import pickle
-import re
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.tables import Heading, clock_name, clock_unit, heading, one_clock, stated_clock
+from records.formats.tables import Heading, bare, clock_name, clock_unit, heading, one_clock, stated_clock
 from records.formats.units import seconds
 from specs.errors import InputError
 
@@ -89,7 +88,7 @@ def _loaded(path: Path) -> dict[str, Any]:
             raise InputError(
                 f"{path} is of MATLAB's version 7.3, which is not read; save('FILE', '-v7', …) writes another"
             )
-    done = subprocess.run([sys.executable, "-c", LOADS, str(path)], capture_output=True, check=False)
+    done = subprocess.run([sys.executable, "-P", "-c", LOADS, str(path)], capture_output=True, check=False)
     if done.returncode:
         why = done.stderr.decode(errors="replace").strip().splitlines()[-1:] if done.returncode > 0 else []
         raise InputError(f"{path} is no readable .mat file: {why[0] if why else 'it is damaged'}")
@@ -182,9 +181,9 @@ def _counted(level: Level, reading: list[str]) -> tuple[str, np.ndarray | None]:
     """A time from a rate or a sample time, or the first row of a matrix."""
     longest = max((len(v) for v in level.vectors.values()), default=0)
     for name, value in level.numbers.items():
-        bare = re.sub(r"[\s_]+", "", name).lower()
-        if value > 0.0 and longest >= FEWEST and bare in (*RATES, *PERIODS):
-            rate = value if bare in RATES else 1.0 / value
+        called = bare(name)
+        if value > 0.0 and longest >= FEWEST and called in (*RATES, *PERIODS):
+            rate = value if called in RATES else 1.0 / value
             reading.append(f"time: counted, {rate:.6g} samples a second by {name} = {value:g}")
             return "", np.arange(longest) / rate
     first = f"{level.in_rows}_1"
@@ -198,4 +197,4 @@ def _counted(level: Level, reading: list[str]) -> tuple[str, np.ndarray | None]:
 
 def _column(name: str, values: np.ndarray) -> RawColumn:
     known = heading(name)
-    return RawColumn(known.name, known.unit, np.asarray(values))
+    return RawColumn(known.name, known.unit, values)

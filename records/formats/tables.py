@@ -90,23 +90,23 @@ def heading(text: str) -> Heading:
     return Heading(match["name"], match["unit"].strip(), text.strip()) if match else Heading(text.strip())
 
 
-def _bare(name: str) -> str:
+def bare(name: str) -> str:
     """A name in small letters without blanks and marks; of `Trace1.Time` the last part."""
     return re.sub(r"[\s_\-]+", "", re.split(r"[./]", name.strip())[-1]).lower()
 
 
 def clock_name(name: str) -> bool:
     """Whether a column of this name may be the clock; a capital T is a temperature."""
-    if name.strip() == "t" or _bare(name) in CLOCKS:
+    if name.strip() == "t" or bare(name) in CLOCKS:
         return True
     match = SUFFIX.match(name.strip())
-    return bool(match and (match["name"] == "t" or _bare(match["name"]) in CLOCKS))
+    return bool(match and (match["name"] == "t" or bare(match["name"]) in CLOCKS))
 
 
 def clock_unit(name: str) -> str:
     """The unit that the name of a clock says, as in `time_ms`; "" where it says none."""
     match = SUFFIX.match(name.strip())
-    return match["unit"].lower() if match and clock_name(match["name"]) else BY_NAME.get(_bare(name), "")
+    return match["unit"].lower() if match and clock_name(match["name"]) else BY_NAME.get(bare(name), "")
 
 
 def is_clock(ours: str) -> bool:
