@@ -132,6 +132,7 @@ class Effect:
     shows: Literal["load", "motor"] = "load"
     port: Literal["", "hydraulic", "pendulum", "hung", "inputs", "outputs", "offset", "turned"] = ""
     clocked: bool = False
+    dry: bool = False  # friction that holds what stands
 
     @property
     def key(self) -> str:

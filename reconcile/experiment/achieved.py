@@ -105,7 +105,7 @@ def margins(answer: Answer, wanted: Sequence[Candidate]) -> list[dict[str, Any]]
 def _fitted(answer: Answer, c: Candidate) -> Point | None:
     """The better fit of where the second search came and of going on from the first answer."""
     core, known = answer.core, answer.beam.points.get(frozenset(c.present))
-    free = [*core.base_free, *core.noise_free, *(f for a in c.present for f in core.free_of(a))]
+    free = [*core.base_free, *core.noise_free, *core.free_of(*c.present)]
     again = [
         core.fitter.fit(core.values | c.values, c.present, free, every=2, own=True),
         core.fitter.fit_staged(core.fresh | c.values, c.present, free, 12, every=2, own=True),

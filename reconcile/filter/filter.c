@@ -44,6 +44,7 @@ typedef struct {
   const double *p;
   const double *sigma, *keep, *white; /* NW: size of a disturbance, its share kept over 1 s as a rate 1/tau, white rate */
   const double *r;                /* NY: variances of the outputs */
+  const double *creep;            /* AXES: speeds by which dry friction gives way at standstill */
   const double *x0, *p0;          /* NX: start and its variances (< 0: as kf starts it) */
   double *e, *s;                  /* NY a step: innovations and their variances */
   double *z, *v;                  /* N a step, or NULL: filtered states and their variances */
@@ -60,6 +61,7 @@ typedef double V __attribute__((vector_size(32)));
 #define QUADS ((NX + 3) / 4) /* Vs that hold the states: of a transition so many for each state and disturbance that it is from */
 #define ROW (4 * QUADS) /* numbers in them */
 
+#include "dry_friction.h"
 #include "noise_slopes.h"
 
 static double scratch[SZ_W + 1];
@@ -178,35 +180,27 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
 }
 
 #if AXES
-/* Dry friction of a substep from speeds `started`: its speed slows down to where it stops within the substep, if it
- * does; from there it goes on or sticks. */
+/* Dry friction of a substep from speeds `started`. */
 static void rub(const Run *run, const double *started, double *x, const double *u, const double *m, double h, double *phi) {
   static double dry[2 * AXES];
   const int n = run->active, wide = n + NW;
   call(kf_dry, x, u, m, run->p, dry, 0, 0);
   for (int k = 0; k < AXES; k++) {
-    const double forwards = dry[k] * h, backwards = dry[AXES + k] * h;
-    if (forwards == 0.0 && backwards == 0.0) continue;
-    const double v = x[axis_v[k]], old = started[axis_v[k]], driven = v - old;
-    double after = v - (old > 0.0 ? forwards : -backwards), slides = 1.0;
-    if (old == 0.0 || after * old <= 0.0) {
-      const double rest = old == 0.0 ? 1.0 : 1.0 - old / (old - after);
-      after = driven > forwards ? rest * (driven - forwards) : driven < -backwards ? rest * (driven + backwards) : 0.0;
-      slides = 1.0 - rest;
-    }
-    const double slope = after == 0.0 ? LEAK : 1.0;
-    const double moved = slides == 1.0 ? old + after : slides * old + (1.0 - slides) * after;
-    const double back = 0.5 * h * (old + v - moved);
-    x[axis_v[k]] = after;
+    if (dry[k] == 0.0 && dry[AXES + k] == 0.0) continue;
+    const double v = x[axis_v[k]], old = started[axis_v[k]];
+    const Slid end = slid(old, (v - old) / h, (Dry){dry[k], dry[AXES + k], run->creep[k]}, h);
+    const double kept = fmax(end.kept, LEAK), followed = fmax(end.followed, LEAK);
+    x[axis_v[k]] = end.v;
     int row = -1, place = -1;
     for (int i = 0; i < n; i++) {
       if (run->state[i] == axis_v[k]) row = i;
       if (run->state[i] == axis_q[k]) place = i;
     }
-    if (place >= 0) x[axis_q[k]] -= back;
+    if (place >= 0) x[axis_q[k]] -= 0.5 * h * (old + v) - end.went;
     for (int j = 0; phi && j < wide; j++) {
-      if (place >= 0) phi[j * ROW + place] -= 0.5 * h * (1.0 - slope) * phi[j * ROW + row];
-      phi[j * ROW + row] *= slope;
+      const double before = phi[j * ROW + row], own = j == row;
+      phi[j * ROW + row] = kept * own + followed * (before - own);
+      if (place >= 0) phi[j * ROW + place] -= 0.5 * h * (before - phi[j * ROW + row]);
     }
   }
 }

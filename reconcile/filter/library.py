@@ -14,10 +14,12 @@ from fmus.toolchain import compiler
 from reconcile.filter.equations import Stepped
 
 HERE = Path(__file__).parent
-DRIVER = "".join((HERE / n).read_text(encoding="utf-8") for n in ("filter.c", "noise_slopes.h"))
+DRIVER = "".join(
+    (HERE / n).read_text(encoding="utf-8") for n in ("filter.c", "dry_friction.h", "noise_slopes.h")
+)
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
 CPU = Path("/proc/cpuinfo")
-POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "x0", "p0")
+POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "creep", "x0", "p0")
 RESULTS = ("e", "s", "z", "v", "window", "free", "zfree", "phi", "before", "after", "ahead")
 BY_NOISE = ("by_sigma", "by_keep", "by_white", "by_r")
 SLOPES = ("de", "ds")

@@ -158,7 +158,7 @@ def _fit(
     other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
     other.kalman = core.kalman.over(other.records)
     other.fitter = Fitter(other.kalman, core.scored["fit"])
-    free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
+    free = [*core.base_free, *core.noise_free, *core.free_of(*present)]
     motion = [f for f in free if not f.of_noise]
     slow = other.fitter.fit(start, present, motion, STEPS, own=True, every=2) if motion else None
     if slow is not None and ahead(other, slow) > errs:

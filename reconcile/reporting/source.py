@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+from reconcile.filter.kalman import CREEP
 from reconcile.judging import quantization
 from reconcile.judging.answer import Answer
 
@@ -31,6 +32,8 @@ def _entries(answer: Answer) -> list[Entry]:
         values = {q.name: float(fitted[a.name(q.name)]) for q in a.effect.parameters}
         if a.effect.width:
             values["width"] = float(fitted[a.name("width")])
+        if a.effect.dry:
+            values["width"] = max(values["width"], float(fitted[CREEP + a.port]))
         found.append((a.effect.key, a.port, a.other, values))
     return found
 

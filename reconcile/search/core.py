@@ -12,7 +12,7 @@ from reconcile.equations import sites
 from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.equations.reach import Reach
 from reconcile.filter.fit import Fitter
-from reconcile.filter.kalman import NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.kalman import CREEP, NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.recordings.data import Parts, Run, still
@@ -36,6 +36,8 @@ OF_SAMPLES = 1e-3  # … or of so many by sample, where there are more of them
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
+# of an axis's speed, by which dry friction gives way at standstill: next to none, usual, what no friction does
+CREEPS = (1e-7, 1e-5, 0.1)
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
 # where effects are looked for, since one that remembers long takes over what is constant
 SHOWN_MEMORY, FITTED_MEMORY = 30.0, 4.0
@@ -310,7 +312,12 @@ class Core:
                 values[a.name("gate")] = 0.0
             if a.effect.width:
                 values[a.name("width")] = _width(a, s)
+        for axis in self.folder.ports.axes:
+            values[CREEP + axis.name] = CREEPS[1] * self._speed(axis.name)
         return values
+
+    def _speed(self, axis: str) -> float:
+        return self.scales[axis].v if axis in self.scales else 1.0
 
     # ---------------------------------------------------------------- what is fitted
 
@@ -337,9 +344,15 @@ class Core:
             found.append(Free(NOISE + n, start, 1.0, True, self.floor[n], self.spread[n]))
         return found
 
-    def free_of(self, a: Attached) -> list[Free]:
-        """An effect's parameters as they are fitted."""
-        return self._free.of_effect(a, self.scales)
+    def free_of(self, *effects: Attached) -> list[Free]:
+        """Effects' parameters as they are fitted, and how far the dry friction among them gives way."""
+        found = [f for a in effects for f in self._free.of_effect(a, self.scales)]
+        for axis in dict.fromkeys(
+            a.port for a in effects if a.effect.dry and self.model.kind == "continuous"
+        ):
+            least, usual, most = (c * self._speed(axis) for c in CREEPS)
+            found.append(Free(CREEP + axis, usual, 2.0, True, least, most, scaleless=True))
+        return found
 
     @cached_property
     def _free(self) -> FreeParameters:

@@ -35,7 +35,7 @@ def _fitted(sets: Sets, point: Point, scores: Sequence[Scored]) -> list[Point]:
         if not scored.separable or sets.spent():
             break
         present = (*point.present, scored.attached)
-        free = [*core.base_free, *(f for a in present for f in core.free_of(a))]
+        free = [*core.base_free, *core.free_of(*present)]
         start = point.values | scored.values
         found.append(core.fitter.fit(start, present, free, SHORT, every=2, own=True, near=point))
     return [p for p in found if p is not None]

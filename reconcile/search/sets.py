@@ -118,7 +118,7 @@ class Sets:
         if self.spent():
             return
         noise = [] if self.noise else core.noise_free
-        free = [*core.base_free, *noise, *(f for a in present for f in core.free_of(a))]
+        free = [*core.base_free, *noise, *core.free_of(*present)]
         least = min((p.total for k, p in self.points.items() if k < key), default=np.inf)
         for start, beside in self._begins(present, free, starts, near, fresh):
             point = core.fitter.fit(
@@ -180,7 +180,7 @@ class Sets:
 
     def of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""
-        own = {f.name for a in key if a not in present for f in self.core.free_of(a)}
+        own = {f.name for f in self.core.free_of(*(a for a in key if a not in present))}
         return {
             n: v
             for n, v in self.points[key].values.items()
