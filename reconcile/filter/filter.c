@@ -61,7 +61,6 @@ typedef double V __attribute__((vector_size(32)));
 #define QUADS ((NX + 3) / 4) /* Vs that hold the states: of a transition so many for each state and disturbance that it is from */
 #define ROW (4 * QUADS) /* numbers in them */
 
-#include "dry_friction.h"
 #include "noise_slopes.h"
 
 static double scratch[SZ_W + 1];
@@ -180,6 +179,8 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
 }
 
 #if AXES
+#include "dry_friction.h"
+
 /* Dry friction of a substep from speeds `started`. */
 static void rub(const Run *run, const double *started, double *x, const double *u, const double *m, double h, double *phi) {
   static double dry[2 * AXES];
@@ -189,7 +190,7 @@ static void rub(const Run *run, const double *started, double *x, const double *
     if (dry[k] == 0.0 && dry[AXES + k] == 0.0) continue;
     const double v = x[axis_v[k]], old = started[axis_v[k]];
     const Slid end = slid(old, (v - old) / h, (Dry){dry[k], dry[AXES + k], run->creep[k]}, h);
-    const double kept = fmax(end.kept, LEAK), followed = fmax(end.followed, LEAK);
+    const double followed = fmax(end.followed, LEAK), kept = fmax(end.kept, followed); /* else what breaks loose seems known */
     x[axis_v[k]] = end.v;
     int row = -1, place = -1;
     for (int i = 0; i < n; i++) {

@@ -24,6 +24,7 @@ NOTHING = np.empty((0, 0))
 FOLLOWED = 4  # substeps, at least, where an effect of an input moves within a step
 NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 CREEP = "creep of "  # an axis: the speed by which its dry friction gives way at standstill
+STILL = 1e-30  # where nothing says so: it stops
 
 
 @dataclass
@@ -122,7 +123,7 @@ class Kalman:
             "keep": np.array([1.0 / values[TAU + n] for n in self.places]),
             "white": np.array([values[WHITE + n] for n in self.places]),
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
-            "creep": np.array([values[CREEP + a.name] for a in self.folder.ports.axes]),
+            "creep": np.array([values.get(CREEP + a.name, STILL) for a in self.folder.ports.axes]),
         }
         substeps = self.substeps
         if self.model.kind == "continuous" and any(a in part.library.stepped.memories for a in present):

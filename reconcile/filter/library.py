@@ -14,9 +14,8 @@ from fmus.toolchain import compiler
 from reconcile.filter.equations import Stepped
 
 HERE = Path(__file__).parent
-DRIVER = "".join(
-    (HERE / n).read_text(encoding="utf-8") for n in ("filter.c", "dry_friction.h", "noise_slopes.h")
-)
+SOURCES = ("filter.c", "dry_friction.h", "noise_slopes.h")
+DRIVER = "".join((HERE / n).read_text(encoding="utf-8") for n in SOURCES)
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
 CPU = Path("/proc/cpuinfo")
 POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "creep", "x0", "p0")

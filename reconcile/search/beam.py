@@ -153,6 +153,9 @@ class Beam(Sets):
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
         self.limit = np.inf  # whatever compares and judges the sets may fit what it needs
+        best = self.ranked()[0]
+        for a in best:
+            self.swaps.simpler(best, a)
         self._share_noise()
         return self.ranked()
 

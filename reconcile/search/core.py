@@ -36,7 +36,7 @@ OF_SAMPLES = 1e-3  # … or of so many by sample, where there are more of them
 MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
-# of an axis's speed, by which dry friction gives way at standstill: next to none, usual, what no friction does
+# of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
 CREEPS = (1e-7, 1e-5, 0.1)
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
 # where effects are looked for, since one that remembers long takes over what is constant
@@ -351,7 +351,7 @@ class Core:
             a.port for a in effects if a.effect.dry and self.model.kind == "continuous"
         ):
             least, usual, most = (c * self._speed(axis) for c in CREEPS)
-            found.append(Free(CREEP + axis, usual, 2.0, True, least, most, scaleless=True))
+            found.append(Free(CREEP + axis, usual, 4.0, True, least, most, scaleless=True))
         return found
 
     @cached_property

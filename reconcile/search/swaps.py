@@ -41,7 +41,7 @@ class Swaps:
         """
         units = [q.unit for q in a.effect.parameters]
         return [
-            self._in_place(key, a, Scored(b, 0.0, {b.name("gate"): 1.0} if b.effect.gated else {}))
+            self._in_place(key, a, _unscored(b))
             for b in self.sets.beside(key)
             if kind(b.effect.name) == kind(a.effect.name)
             and b.effect.name != a.effect.name
@@ -63,7 +63,7 @@ class Swaps:
         other, point = scored.attached, self.sets.points[key]
         rest = tuple(x for x in point.present if x != a)
         grown = frozenset({*rest, other})
-        if other != a and (key, grown) not in self._tried:
+        if other != a and (key, grown) not in self._tried and not self.sets.spent():
             self._tried.add((key, grown))
             same, less = self._same(a, other, point.values), self.sets.points.get(key - {a})
             own = scored.own | same
@@ -91,8 +91,11 @@ class Swaps:
     def simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""
         less = key - {a}
-        if less not in self.sets.points:
-            return None
         limits = [b for b in self.sets.beside(less) if b.effect.name in a.effect.becomes and b.port == a.port]
-        found = self.sets.scores_of(less, limits)
-        return self._in_place(key, a, found[0]) if found else None
+        found = self.sets.scores_of(less, limits) if less in self.sets.points else []
+        plain = [_unscored(b) for b in sorted(limits, key=lambda b: len(b.effect.parameters))]
+        return self._in_place(key, a, [*found, *plain][0]) if limits else None
+
+
+def _unscored(a: Attached) -> Scored:
+    return Scored(a, 0.0, {a.name("gate"): 1.0} if a.effect.gated else {})
