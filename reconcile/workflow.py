@@ -105,7 +105,7 @@ def examine(
     Where clocks differ by recording, the recordings are set right and examined again.
     """
     said = report or (lambda *_: None)
-    given = _without_noise(folder, (runs, confirm, holdout), said)
+    given = without_noise(folder, (runs, confirm, holdout), said)
     answer = _searched(folder, given, said, names, first)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
@@ -129,7 +129,9 @@ def examine(
     return figures, answer
 
 
-def _without_noise(folder: Folder, given: Sequence[Sequence[Run]], said: Report) -> Sequence[Sequence[Run]]:
+def without_noise(
+    folder: Folder, given: Sequence[Sequence[Run]], said: Report = lambda *_: None
+) -> Sequence[Sequence[Run]]:
     """The same without the noise of inputs that were measured, where the outputs are likelier without it."""
     candidates = noisy_inputs.noisy([r for runs in given for r in runs])
     if not candidates:

@@ -5,6 +5,7 @@
 
 #define FAR 20.0  /* beyond it tanh y is 1 */
 #define NEAR 0.1  /* of the speed of rest: within it the way there is an exponential */
+#define PIECES 4
 #define NEWTON 40 /* steps at most, each at least as good as halving where Newton's leaves the bracket */
 
 typedef struct {
@@ -36,12 +37,26 @@ static double reached(double y, double a, double level, double time, double low,
   return at;
 }
 
+/* Way from one speed to another in a time: in pieces whose times are known, each at its mean speed. */
+static double way(double from, double to, double time, double a, double level) {
+  double went = 0.0, at = from, left = time;
+  for (int k = 1; k < PIECES; k++) {
+    const double next = from + (to - from) * k / PIECES, piece = fmin(fmax(spent(next, a, level) - spent(at, a, level), 0.0), left);
+    went += 0.5 * piece * (at + next);
+    left -= piece;
+    at = next;
+  }
+  return went + 0.5 * left * (at + to);
+}
+
 /* From y >= 0 on; `time` is what is left when it comes to 0, else 0; `went`: the way, in creeps. */
 static double slid_forwards(double y, double a, double level, double *time, double *went) {
   double begun = y, t = *time, end;
   *time = 0.0;
   if (y > FAR && y + (a - level) * t > FAR) {
     end = y + (a - level) * t;
+    *went += 0.5 * t * (y + end);
+    return end;
   } else if (a < 0.0) {
     const double zero = spent(0.0, a, level) - spent(y, a, level);
     *time = fmax(t - zero, 0.0);
@@ -55,10 +70,10 @@ static double slid_forwards(double y, double a, double level, double *time, doub
       const double there = spent(edge, a, level) - spent(y, a, level);
       if (there >= t) {
         end = reached(y, a, level, t, fmin(edge, y), fmax(edge, y));
-        *went += 0.5 * t * (begun + end);
+        *went += way(begun, end, t, a, level);
         return end;
       }
-      *went += 0.5 * there * (begun + edge);
+      *went += way(begun, edge, there, a, level);
       t -= there;
       begun = edge;
     }
@@ -66,7 +81,7 @@ static double slid_forwards(double y, double a, double level, double *time, doub
     *went += rest * t + (rate > 0.0 ? (begun - rest - less) / rate : 0.0);
     return rest + less;
   }
-  *went += 0.5 * t * (begun + end);
+  *went += way(begun, end, t, a, level);
   return end;
 }
 
@@ -82,10 +97,10 @@ static double slid_to(double v, double drive, Dry dry, double h, double *went) {
   *went = 0.0;
   for (int part = 0; part < 2 && time > 0.0; part++, side = -side) {
     const double level = fmax(side > 0 ? dry.forwards : dry.backwards, 1e-12 * (dry.forwards + dry.backwards));
-    double a = side * drive, way = 0.0;
+    double a = side * drive, gone = 0.0;
     if (fabs(fabs(a) - level) < 1e-9 * level) a *= 1.0 + 1e-8; /* there the closed form has a limit */
-    y = side * slid_forwards(side * y, a, level, &time, &way);
-    *went += side * way * dry.creep * dry.creep;
+    y = side * slid_forwards(side * y, a, level, &time, &gone);
+    *went += side * gone * dry.creep * dry.creep;
   }
   return y * dry.creep;
 }
@@ -101,7 +116,7 @@ static Slid slid(double v, double drive, Dry dry, double h) {
   const double first = drive - held(v, dry), more = 0.01 * (dry.forwards + dry.backwards), share = level > 0.0 ? drive / level : 2.0;
   if (fabs(first) > 1e-9 * level) end.kept = fmin(fabs((drive - held(end.v, dry)) / first), 1.0);
   else if (fabs(share) < 1.0) end.kept = exp(-level * (1.0 - share * share) * h / dry.creep);
-  double way;
-  end.followed = fmin(fmax((slid_to(v, drive + more, dry, h, &way) - end.v) / (more * h), 0.0), 1.0);
+  double ignored;
+  end.followed = fmin(fmax((slid_to(v, drive + more, dry, h, &ignored) - end.v) / (more * h), 0.0), 1.0);
   return end;
 }

@@ -37,7 +37,7 @@ MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 # of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
-CREEPS = (1e-7, 1e-5, 0.1)
+CREEPS = (1e-7, 3e-4, 0.1)
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
 # where effects are looked for, since one that remembers long takes over what is constant
 SHOWN_MEMORY, FITTED_MEMORY = 30.0, 4.0

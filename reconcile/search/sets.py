@@ -180,12 +180,8 @@ class Sets:
 
     def of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""
-        own = {f.name for f in self.core.free_of(*(a for a in key if a not in present))}
-        return {
-            n: v
-            for n, v in self.points[key].values.items()
-            if n not in own and not any(n == a.name("gate") for a in key if a not in present)
-        }
+        left = [a.key + "." for a in key if a not in present]
+        return {n: v for n, v in self.points[key].values.items() if not n.startswith(tuple(left))}
 
     def posterior(self) -> dict[Key, float]:
         """Probability of every fitted set near the best: its softmax over resampled blocks of the data."""

@@ -8,7 +8,7 @@ import pytest
 from fmus.definition import Variable
 from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
-from reconcile.filter.kalman import NOISES, TAU
+from reconcile.filter.kalman import CREEP, NOISES, TAU
 from reconcile.filter.point import Free
 from reconcile.judging.answer import standard_errors
 from reconcile.judging.judge import UNTRIED, Judge
@@ -55,6 +55,17 @@ def test_the_disturbance_does_not_remember_so_long_that_it_takes_over_a_constant
     assert (
         beam.evidence(found) - beam.evidence(frozenset()) > 120.0
     )  # 73 where it may remember 30 times as long
+
+
+def test_friction_that_gives_way_at_standstill_is_the_same_friction():
+    """As simulations round it; where it had to stop, others of its kind made up for how it creeps."""
+    keys = FRICTION, "asymmetric_coulomb_friction@v", "stribeck_friction@v", "load_dependent_friction@v"
+    truth = Truth(kinetic=lambda v: 2.0 * np.tanh(v / 0.05))
+    beam = Beam(cored(recorded(truth, seconds=20.0, seed=4), *keys))
+    (best, *_) = beam.run()
+    assert {a.key for a in best} == {FRICTION}
+    assert beam.points[best].values[FRICTION + ".Fc"] == pytest.approx(2.0, rel=0.02)
+    assert beam.points[best].values[CREEP + "v"] == pytest.approx(0.05, rel=0.1)
 
 
 def late(u: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from reconcile.equations.extended import Extended
 from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
-from reconcile.filter.kalman import Kalman
+from reconcile.filter.kalman import CREEP, STILL, Kalman
 from reconcile.filter.library import HERE
 from reconcile.filter.point import Free
 from reconcile.recordings.data import runs_of
@@ -190,7 +190,9 @@ def test_a_step_is_of_order_two_for_a_model_that_is_not_linear():
     assert np.array(errors[1:-1]) / np.array(errors[2:]) == pytest.approx([4.0, 4.0], rel=0.25)
 
 
-def sliding(step: float, velocity: float, force: float, steps: int = 150) -> tuple[np.ndarray, np.ndarray]:
+def sliding(
+    step: float, velocity: float, force: float, steps: int = 150, creep: float = STILL
+) -> tuple[np.ndarray, np.ndarray]:
     """A carriage with 1 N of dry friction: its position and speed [steps], by itself from a speed."""
     folder = models.spring(stiffness=0.0, drag=0.0)
     (friction,) = (
@@ -205,7 +207,11 @@ def sliding(step: float, velocity: float, force: float, steps: int = 150) -> tup
         },
     )
     kalman = Kalman(folder, (friction,), models.recorded(one), ["position", "velocity"])
-    values = models.noise(kalman) | {friction.name("Fc"): 1.0, friction.name("width"): 1e-3}
+    values = models.noise(kalman) | {
+        friction.name("Fc"): 1.0,
+        friction.name("width"): 1e-3,
+        CREEP + "v": creep,
+    }
     run = kalman.run(values, (friction,), windows=[np.r_[0, np.ones(steps - 1, int)]])
     assert run is not None
     return run[0].zfree[1:, 0], run[0].zfree[1:, 1]
@@ -235,6 +241,27 @@ def test_dry_friction_brings_a_speed_to_rest_and_there_it_stays(step):
 def test_what_breaks_away_is_pushed_by_what_friction_leaves():
     _, v = sliding(0.01, 0.0, 3.0)
     assert v[-1] == pytest.approx(0.01 * len(v) * 1.0, rel=1e-6)  # (3 - 1) N on 2 kg
+
+
+@pytest.mark.parametrize("creep", [1e-4, 0.01, 0.3])
+@pytest.mark.parametrize("force", [0.0, 0.3, 0.97, -0.6, -1.0, 1.0, 3.0])
+@pytest.mark.parametrize("velocity", [0.0, 0.02, 0.4])
+def test_dry_friction_that_gives_way_moves_as_its_equation_says(velocity, force, creep):
+    """v' = (force − tanh(v / creep)) / mass, whatever the step."""
+    step, mass = 0.05, 2.0
+    x, v = sliding(step, velocity, force, creep=creep)
+    true = solve_ivp(
+        lambda t, z: [z[1], (force - np.tanh(z[1] / creep)) / mass],
+        (0.0, step * len(x)),
+        [0.0, velocity],
+        method="LSODA",
+        t_eval=step * np.arange(1, len(x) + 1),
+        rtol=1e-9,
+        atol=1e-13,
+    )
+    np.testing.assert_allclose(v, true.y[1], atol=3e-3 * creep + 1e-6 * np.abs(true.y[1]).max())
+    along = np.abs(true.y[0]).max() + creep * step
+    np.testing.assert_allclose(x, true.y[0], atol=0.01 * along)
 
 
 @pytest.mark.parametrize(
