@@ -189,9 +189,9 @@ static void rub(const Run *run, const double *started, double *x, const double *
   for (int k = 0; k < AXES; k++) {
     if (dry[k] == 0.0 && dry[AXES + k] == 0.0) continue;
     const double v = x[axis_v[k]], old = started[axis_v[k]];
-    const Slid end = slid(old, (v - old) / h, (Dry){dry[k], dry[AXES + k], run->creep[k]}, h);
+    const Sliding end = slid(old, (v - old) / h, (Dry){dry[k], dry[AXES + k], run->creep[k]}, h);
     const double followed = fmax(end.followed, LEAK), kept = fmax(end.kept, followed); /* else what breaks loose seems known */
-    x[axis_v[k]] = end.v;
+    x[axis_v[k]] = end.y;
     int row = -1, place = -1;
     for (int i = 0; i < n; i++) {
       if (run->state[i] == axis_v[k]) row = i;
