@@ -15,7 +15,7 @@ SHAFT = "Meriam and Kraige, Engineering Mechanics: Dynamics: two inertias on a s
 GEAR = "Nordin and Gutman, Automatica 38 (2002) 1633: dead-zone model of backlash"
 COUNT = 4  # frequencies, of the two ends against each other, where fits start
 SHARES = (0.3, 0.7)
-GAPS = (7e-4, 7e-3, 0.07)  # of the largest place: where fits of a gear start
+GAPS = (0.3, 3.0, 30.0)  # of what the closed gear gives way under the forces met: where fits of a gear start
 CONTACT = 0.5  # damping ratio of a closed gear where fits start: it hardly bounces
 
 
@@ -33,6 +33,10 @@ def _stiffness(s: Scales) -> list[float]:
 def _closed(s: Scales) -> list[float]:
     """Stiffness of a closed gear, which swings hardly slower than samples show."""
     return [s.inertia * a * (1.0 - a) * (1.6 / s.period_s) ** 2 for a in SHARES for _ in GAPS]
+
+
+def _gaps(s: Scales) -> list[float]:
+    return [a * s.f / k for a, k in zip(GAPS * len(SHARES), _closed(s), strict=True)]
 
 
 def _damping(s: Scales) -> list[float]:
@@ -81,7 +85,7 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         "coupling",
         "share J v_m' = drive − T, (1 − share) J v' = rest + T, T = 0 within the gap of q_m − q, else stiff",
         (
-            Parameter("gap", "{q}", lambda s: [a * s.q for _ in SHARES for a in GAPS], "Full gap"),
+            Parameter("gap", "{q}", _gaps, "Full gap"),
             _share(lambda s: [a for a in SHARES for _ in GAPS]),
             Parameter("k", "{f}/({q})", _closed, "Stiffness of the closed gear"),
             Parameter("damping", "1", lambda s: (CONTACT,), "Ratio, of the closed gear", low=0.02, high=2.0),

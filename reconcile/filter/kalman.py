@@ -21,7 +21,7 @@ Values = dict[str, float]  # parameters of the model, its effects and the noise,
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 BY_SAMPLE = ("e", "s", "de", "ds")  # of these, what goes with samples and not with steps
 NOTHING = np.empty((0, 0))
-FOLLOWED = 4  # substeps, at least, where an effect of an input moves within a step
+FOLLOWED = 4  # substeps, at least, where an effect of an input moves, or a gear closes, within a step
 NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 CREEP = "creep of "  # an axis: the speed by which its dry friction gives way at standstill
 STILL = 1e-30  # where nothing says so: it stops
@@ -125,9 +125,9 @@ class Kalman:
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
             "creep": np.array([values.get(CREEP + a.name, STILL) for a in self.folder.ports.axes]),
         }
-        substeps = self.substeps
-        if self.model.kind == "continuous" and any(a in part.library.stepped.memories for a in present):
-            substeps = max(substeps, FOLLOWED)
+        followed = any(a in part.library.stepped.memories or a.effect.width == "gap" for a in present)
+        quick = followed and self.model.kind == "continuous"
+        substeps = max(self.substeps, FOLLOWED) if quick else self.substeps
         found = []
         for k in range(len(self.records)):
             u, y, step, at = self._rows(k, full)
