@@ -38,7 +38,9 @@ BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 # of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
 CREEPS = (1e-7, 3e-4, 0.1)
-CLOSING = 0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its parameters
+CLOSING = (
+    0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its parameters
+)
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
 # where effects are looked for, since one that remembers long takes over what is constant
 SHOWN_MEMORY, FITTED_MEMORY = 30.0, 4.0

@@ -161,7 +161,7 @@ class Screen:
             return None
         de = np.nan_to_num(other[0] - self.e)[:, None]
         ds = np.nan_to_num(np.log(other[1]) - np.log(self.s))[:, None]
-        g, c, own, _ = self._schur(de, ds)
+        g, c, own, _ = self._schur(de, ds, far=True)
         whole = self._gained(other)
         share = float(np.clip(-g[0] / max(c[0, 0], 1e-300), 0.0, 1.0))
         linear = float(-g[0] * share - 0.5 * c[0, 0] * share**2)
@@ -192,10 +192,14 @@ class Screen:
                 break
         return replace(best, values=found)
 
-    def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Gradient, information beside what is fitted, own; how what is fitted gives way [F, K]."""
+    def _schur(self, de: np.ndarray, ds: np.ndarray, far: bool = False) -> tuple[np.ndarray, ...]:
+        """Gradient, information beside what is fitted, own; how what is fitted gives way [F, K].
+
+        `far`: what is seen in a few samples alone, as an end stop, is told by those that are far off.
+        """
         n = de.shape[1]
-        g, whole = self.fitter.score(self.e, self.s, np.hstack([self.de, de]), np.hstack([self.ds, ds]))
+        de, ds = np.hstack([self.de, de]), np.hstack([self.ds, ds])
+        g, whole = self.fitter.score(self.e, self.s, de, ds, far)
         between, own = whole[-n:, :-n], whole[-n:, -n:]
         return g[-n:], own - between @ self.known @ between.T, own, self.known @ between.T
 
