@@ -38,9 +38,8 @@ BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 # of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
 CREEPS = (1e-7, 3e-4, 0.1)
-CLOSING = (
-    0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its parameters
-)
+LOUDER = 3.0  # times the disturbance of the model without effects: a fit on its way may need more than that
+CLOSING = 0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its gap
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
 # where effects are looked for, since one that remembers long takes over what is constant
 SHOWN_MEMORY, FITTED_MEMORY = 30.0, 4.0
@@ -232,6 +231,13 @@ class Core:
             if first:  # with the noise that was found, smaller errors of a step show
                 self.shown = self.base
                 self._choose_substeps()
+        self.noise_free = [self._no_louder(f) for f in self.noise_free]
+
+    def _no_louder(self, f: Free) -> Free:
+        """Noise of a set of effects: what explains something leaves no larger disturbance than there was."""
+        if not f.name.startswith((SIGMA, WHITE)):
+            return f
+        return replace(f, high=min(f.high, LOUDER * self.base.values[f.name]))
 
     def _base_fit(self, first: bool) -> Point:
         """The model without effects: from where it is, and at `first` from slow motion too."""
