@@ -1,7 +1,7 @@
 """The rig's truth for tests: a carriage with effects in their non-smooth form, by an integrator of its own.
 
-Speed by Euler steps of 0.1 ms, place by the mean of two speeds, with exact sticking: where the force cannot break the friction at rest, the
-carriage stands.  Nothing of reconcile is used here.
+Speed by Euler steps of 0.1 ms, place by the mean of two speeds, with exact sticking: where the force cannot
+break the friction at rest, the carriage stands.  Nothing of reconcile is used here.
 """
 
 from collections.abc import Callable
