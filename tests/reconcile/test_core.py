@@ -21,7 +21,7 @@ from reconcile.search.screen import Screen
 from reconcile.tolerances import SURE
 from tests.reconcile import models
 from tests.reconcile.answers import cored, fitted, recorded, rig
-from tests.reconcile.truth import Truth, coulomb
+from tests.reconcile.truth import PERIOD, Truth, coulomb, excitation
 
 FRICTION = "coulomb_friction@v"
 FEW = (FRICTION, "quadratic_drag@v", "stiffness@v", "sensor_scale@velocity", "constant_load@v")
@@ -66,6 +66,39 @@ def test_friction_that_gives_way_at_standstill_is_the_same_friction():
     assert {a.key for a in best} == {FRICTION}
     assert beam.points[best].values[FRICTION + ".Fc"] == pytest.approx(2.0, rel=0.02)
     assert beam.points[best].values[CREEP + "v"] == pytest.approx(0.05, rel=0.1)
+
+
+def geared(gap: float, seconds: float = 20.0) -> list[Run]:
+    """A carriage whose drive, 0.8 of its 2 kg, moves the rest through a gear with play."""
+    motor, load, stiffness, damping, step = 0.8, 1.2, 4000.0, 30.0, 1e-4
+    command = np.repeat(excitation(seconds, 5), round(PERIOD / step))
+    x = np.zeros(4)  # place and speed of the drive, of the rest
+    shown = np.empty((len(command), 2))
+    for k, force in enumerate(command):
+        shown[k] = x[2:]
+        twist = x[0] - x[2]
+        pressed = twist - min(max(twist, -0.5 * gap), 0.5 * gap)
+        torque = stiffness * pressed + (damping * (x[1] - x[3]) if pressed else 0.0)
+        before = x[1], x[3]
+        x[1] += step * (force - torque) / motor
+        x[3] += step * (torque - 1.5 * x[3]) / load
+        x[0] += 0.5 * step * (before[0] + x[1])
+        x[2] += 0.5 * step * (before[1] + x[3])
+    seen = shown[:: round(PERIOD / step)]
+    seen = seen + [2e-4, 2e-3] * np.random.default_rng(1).standard_normal(seen.shape)
+    time = PERIOD * np.arange(len(seen))
+    outputs = {n: Signal(time, seen[:, i]) for i, n in enumerate(("position", "velocity"))}
+    inputs = {"force": Signal(time, command[:: round(PERIOD / step)])}
+    return [Run("geared", 0.0, float(time[-1]), inputs, outputs)]
+
+
+def test_the_play_of_a_gear_is_told_from_a_shaft_that_gives():
+    beam = Beam(cored(geared(0.003), "gear_backlash@v", "structural_compliance@v"))
+    (best, *_) = beam.run()
+    assert {a.key for a in best} == {"gear_backlash@v"}
+    values = beam.points[best].values
+    assert values["gear_backlash@v.gap"] == pytest.approx(0.003, rel=0.1)
+    assert values["gear_backlash@v.share"] == pytest.approx(0.4, abs=0.05)
 
 
 def late(u: np.ndarray) -> np.ndarray:
