@@ -93,11 +93,11 @@ def geared(gap: float, seconds: float = 20.0) -> list[Run]:
 
 
 def test_the_play_of_a_gear_is_told_from_a_shaft_that_gives():
-    beam = Beam(cored(geared(0.003), "gear_backlash@v", "structural_compliance@v"))
+    beam = Beam(cored(geared(6e-4), "gear_backlash@v", "structural_compliance@v"))
     (best, *_) = beam.run()
     assert {a.key for a in best} == {"gear_backlash@v"}
     values = beam.points[best].values
-    assert values["gear_backlash@v.gap"] == pytest.approx(0.003, rel=0.1)
+    assert values["gear_backlash@v.gap"] == pytest.approx(6e-4, rel=0.1)
     assert values["gear_backlash@v.share"] == pytest.approx(0.4, abs=0.05)
 
 
