@@ -21,7 +21,7 @@ def driven(rig: Folder, command: np.ndarray, noise: float) -> list[Run]:
     force = told["force"]
     shown = force.values + noise * np.random.default_rng(7).standard_normal(len(command))
     return runs_of(
-        replace(told, channels=told.channels | {"force": replace(force, values=shown)}), rig, "run"
+        replace(told, channels={**told.channels, "force": replace(force, values=shown)}), rig, "run"
     )
 
 
