@@ -15,6 +15,7 @@ class Swaps:
     def __init__(self, sets: Sets):
         self.sets = sets
         self._tried: set[tuple[Key, Key]] = set()
+        self._kin: dict[Key, set[Attached]] = {}  # what took an effect's place beside a set
 
     def kin(self, key: Key, a: Attached) -> list[Key]:
         """Sets with another effect of the same kind in an effect's place, from the same values.
@@ -30,9 +31,13 @@ class Swaps:
         # of every effect its best form and its simplest one: a form with more to fit may score more, and fail
         simplest = [min(own, key=lambda s: len(s.attached.effect.parameters)) for own in forms.values()]
         tried = [s for own, plain in zip(forms.values(), simplest, strict=True) for s in (own[0], plain)]
-        return [
-            self._in_place(key, a, scored) for scored in {s.attached: s for s in tried[: 2 * KIN]}.values()
-        ]
+        todo = {s.attached: s for s in tried[: 2 * KIN]}
+        # from the values of one of them is enough: the best of a kind may change several times
+        done, self._kin[less] = self._kin.get(less, set()), {*self._kin.get(less, ()), a, *todo}
+        for b, scored in todo.items():
+            if b not in done:
+                self._in_place(key, a, scored)
+        return [less | {b} for b in todo]
 
     def twins(self, key: Key, a: Attached) -> list[Key]:
         """Sets with an effect of the same kind and units in an effect's place, whatever its score.
