@@ -187,18 +187,21 @@ class Kalman:
             n, m = x.shape[1], self.modes[k].T
             rates = [np.asarray(stages["kf_f"].map(n)(x, u, m, np.repeat(q[:, None], n, 1))) for q in (p, p0)]
             dry = np.asarray(stages["kf_dry"].map(n)(x, u, m, np.repeat(p[:, None], n, 1)))
-            found.append(self._at_places(stepped, rates[0] - rates[1], dry, x))
+            found.append(self._at_places(stepped, rates[0] - rates[1], dry, x, values))
         return np.vstack(found)
 
-    def _at_places(self, stepped: Stepped, change: np.ndarray, dry: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Changes of rates [NX, n] as forces at the places [n, places]."""
+    def _at_places(
+        self, stepped: Stepped, change: np.ndarray, dry: np.ndarray, x: np.ndarray, values: Values
+    ) -> np.ndarray:
+        """Changes of rates [NX, n] and levels of dry friction as forces at the places [n, places]."""
         per = self.model.step if self.model.kind == "discrete" else 1.0
         columns = []
         for k, axis in enumerate(self.folder.ports.axes):
             row = stepped.state_names.index(axis.velocity)
             v = x[row]
             levels = np.where(v > 0.0, dry[k], -dry[len(self.folder.ports.axes) + k])
-            columns.append((change[row] / per - np.sign(np.abs(v)) * levels) * self.whole.inertia(axis))
+            slides = np.abs(np.tanh(v / values.get(CREEP + axis.name, STILL)))
+            columns.append((change[row] / per - slides * levels) * self.whole.inertia(axis))
         columns += [change[stepped.state_names.index(n)] / per for n in self.pushed_states]
         return np.column_stack(columns)
 
