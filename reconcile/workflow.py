@@ -12,17 +12,24 @@ from reconcile.equations.model import Folder
 from reconcile.errors.ahead import ahead, noise
 from reconcile.experiment import plan
 from reconcile.filter.point import Point
-from reconcile.judging import clocks as recorded_clocks, mistaken, quantization, untold, verdict as verdicts
+from reconcile.judging import (
+    clocks as recorded_clocks,
+    inputs,
+    mistaken,
+    quantization,
+    untold,
+    verdict as verdicts,
+)
 from reconcile.judging.answer import Answer
 from reconcile.judging.judge import Judge
-from reconcile.recordings import checks, noisy_inputs
+from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
 from reconcile.reporting import contract, report as reports, target
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.start import units
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
-from reconcile.tolerances import INPUT_GAIN, LEAST_FLOOR, OF_ERROR
+from reconcile.tolerances import LEAST_FLOOR, OF_ERROR
 from records.formats import read_measurement
 from specs.errors import InputError, RunError
 from specs.version import VERSION
@@ -105,7 +112,8 @@ def examine(
     Where clocks differ by recording, the recordings are set right and examined again.
     """
     said = report or (lambda *_: None)
-    given = without_noise(folder, (runs, confirm, holdout), said)
+    said("noise of inputs")
+    given = inputs.without_noise(folder, (runs, confirm, holdout))
     answer = _searched(folder, given, said, names, first)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
@@ -127,24 +135,6 @@ def examine(
     steps = quantization.examine(answer.core.model, answer.core.runs)
     figures |= quantization.added(figures, steps, answer.core.model.name)
     return figures, answer
-
-
-def without_noise(
-    folder: Folder, given: Sequence[Sequence[Run]], said: Report = lambda *_: None
-) -> Sequence[Sequence[Run]]:
-    """The same without the noise of inputs that were measured, where the outputs are likelier without it."""
-    candidates = noisy_inputs.noisy([r for runs in given for r in runs])
-    if not candidates:
-        return given
-    said("noise of inputs")
-    units = {v.name: v.unit for v in folder.model.inputs}
-    least = Core(folder, split(*given)).base.total
-    for name in candidates:
-        tried = [noisy_inputs.without_noise(runs, name, units[name]) for runs in given]
-        total = Core(folder, split(*tried)).base.total
-        if total < least - INPUT_GAIN:
-            given, least = tried, total
-    return given
 
 
 def _searched(

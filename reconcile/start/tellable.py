@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from reconcile.equations.model import Attached
-from reconcile.judging import untold
+from reconcile.judging import inputs, untold
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
 from reconcile.search.core import Core
@@ -35,6 +35,7 @@ def examine(paths: Sequence[Path], model: str, names: Path | None = None) -> dic
     runs = [run for path in paths for run in read_run(path, folder, renamed)]
     for doubt in units.doubts(folder.model, runs, renamed):
         raise InputError(doubt.sentence)
+    runs = list(inputs.without_noise(folder, (runs, (), ()))[0])
     return told(Core(folder, split(runs, (), ())), runs)
 
 

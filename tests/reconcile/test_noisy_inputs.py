@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from reconcile.equations.model import Folder
+from reconcile.judging.inputs import without_noise
 from reconcile.recordings import noisy_inputs
 from reconcile.recordings.data import Run, runs_of, split
 from reconcile.search.core import Core
-from reconcile.workflow import without_noise
 from tests.reconcile.truth import PERIOD, Truth, excitation, record_driven
 
 NOISE = 1.5  # N, beside a force of 2.9 N rms
