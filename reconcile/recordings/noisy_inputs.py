@@ -66,7 +66,7 @@ def _noise(signal: Signal) -> np.ndarray | None:
 
 def _smooth(values: np.ndarray) -> np.ndarray:
     """Values [n] at even steps with second differences as small as generalised cross-validation asks."""
-    n, waves = len(values), dct(values, norm="ortho")
+    n, waves = len(values), np.asarray(dct(values, norm="ortho"))
     bent = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n)) ** 2
 
     def kept(log: float) -> np.ndarray:
