@@ -91,7 +91,8 @@ class Swaps:
             if twin is not None:
                 left.remove(twin)
                 found[other.name(q.name)] = values[a.name(twin.name)]
-        return found if len(found) == len(wanted) and not left else {}
+        whole = not left or other.effect.name in a.effect.becomes  # a simpler one has fewer
+        return found if len(found) == len(wanted) and whole else {}
 
     def simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""
