@@ -109,7 +109,8 @@ def examine(
     """Find and name, without writing: the report's figures and the answer.
 
     `first` is told of the model by itself, fitted, before effects are looked for.
-    Where clocks differ by recording, the recordings are set right and examined again.
+    Noise of measured inputs is taken out first.  Where clocks differ by recording, the recordings are set
+    right and examined again.
     """
     said = report or (lambda *_: None)
     said("noise of inputs")

@@ -125,9 +125,9 @@ class Kalman:
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
             "creep": np.array([values.get(CREEP + a.name, STILL) for a in self.folder.ports.axes]),
         }
-        followed = any(a in part.library.stepped.memories or a.effect.width == "gap" for a in present)
-        quick = followed and self.model.kind == "continuous"
-        substeps = max(self.substeps, FOLLOWED) if quick else self.substeps
+        memories, substeps = part.library.stepped.memories, self.substeps
+        if self.model.kind == "continuous" and any(a in memories or a.effect.width == "gap" for a in present):
+            substeps = max(substeps, FOLLOWED)
         found = []
         for k in range(len(self.records)):
             u, y, step, at = self._rows(k, full)

@@ -20,7 +20,7 @@ def without_noise(folder: Folder, given: Sequence[Sequence[Run]]) -> Sequence[Se
     units = {v.name: v.unit for v in folder.model.inputs}
     least = Core(folder, split(*given)).base.total
     for name in candidates:
-        tried = [noisy_inputs.without_noise(runs, name, units[name]) for runs in given]
+        tried = [noisy_inputs.smoothed(runs, name, units[name]) for runs in given]
         total = Core(folder, split(*tried)).base.total
         if total < least - INPUT_GAIN:
             given, least = tried, total

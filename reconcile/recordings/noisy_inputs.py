@@ -28,40 +28,31 @@ STIFFEST = 12.0  # log10 of the weight of second differences: beyond it only a s
 def noisy(runs: Sequence[Run]) -> list[str]:
     """Inputs that look as if they were measured with noise."""
     names = dict.fromkeys(n for r in runs for n in r.inputs)
-    return [n for n in names if all(_noise(r.inputs[n]) is not None for r in runs if n in r.inputs)]
+    return [n for n in names if all(_measured(r.inputs[n]) for r in runs if n in r.inputs)]
 
 
-def without_noise(runs: Sequence[Run], name: str, unit: str) -> list[Run]:
+def smoothed(runs: Sequence[Run], name: str, unit: str) -> list[Run]:
     """The runs with one input smoothed, and a note of it."""
     return [_smoothed(r, name, unit) if name in r.inputs else r for r in runs]
 
 
 def _smoothed(run: Run, name: str, unit: str) -> Run:
     signal = run.inputs[name]
-    noise = _noise(signal)
-    if noise is None:
-        return run
-    note = f"noise of {np.std(noise):.3g} {unit} is taken out of {name}".replace("  ", " ")
-    inputs = {**run.inputs, name: Signal(signal.time, signal.values - noise)}
+    smooth = _smooth(signal.values)
+    note = f"noise of {np.std(signal.values - smooth):.3g} {unit} is taken out of {name}".replace("  ", " ")
+    inputs = {**run.inputs, name: Signal(signal.time, smooth)}
     return replace(run, inputs=inputs, notes=(*run.notes, note))
 
 
-def _noise(signal: Signal) -> np.ndarray | None:
-    """What is white in an input [n]; None where it is little, or its samples do not stand by themselves."""
-    time, values = signal.time, signal.values
-    spread = float(np.std(values))
-    if len(values) < LEAST_SAMPLES or high_pass_level(values) < LEAST * spread or spread == 0.0:
-        return None
-    if np.mean(np.diff(values) == 0.0) > HELD:
-        return None
-    steps = np.diff(time)
-    if steps.max() > UNEVEN * np.median(steps):
-        return None
+def _measured(signal: Signal) -> bool:
+    """Whether enough in an input is white, and its samples stand by themselves."""
+    values, steps, spread = signal.values, np.diff(signal.time), float(np.std(signal.values))
+    if len(values) < LEAST_SAMPLES or spread == 0.0 or high_pass_level(values) < LEAST * spread:
+        return False
+    if np.mean(np.diff(values) == 0.0) > HELD or steps.max() > UNEVEN * np.median(steps):
+        return False
     noise = values - _smooth(values)
-    level = float(np.std(noise))
-    if level < LEAST * spread or abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) > WHITE:
-        return None
-    return noise
+    return bool(np.std(noise) >= LEAST * spread and abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) <= WHITE)
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:

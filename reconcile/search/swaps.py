@@ -33,10 +33,11 @@ class Swaps:
         tried = [s for own, plain in zip(forms.values(), simplest, strict=True) for s in (own[0], plain)]
         todo = {s.attached: s for s in tried[: 2 * KIN]}
         # from the values of one of them is enough: the best of a kind may change several times
-        done, self._kin[less] = self._kin.get(less, set()), {*self._kin.get(less, ()), a, *todo}
+        done = self._kin.setdefault(less, set())
         for b, scored in todo.items():
             if b not in done:
                 self._in_place(key, a, scored)
+        done |= {a, *todo}
         return [less | {b} for b in todo]
 
     def twins(self, key: Key, a: Attached) -> list[Key]:

@@ -87,9 +87,8 @@ def geared(gap: float, seconds: float = 20.0) -> list[Run]:
     seen = shown[:: round(PERIOD / step)]
     seen = seen + [2e-4, 2e-3] * np.random.default_rng(1).standard_normal(seen.shape)
     time = PERIOD * np.arange(len(seen))
-    outputs = {n: Signal(time, seen[:, i]) for i, n in enumerate(("position", "velocity"))}
-    inputs = {"force": Signal(time, command[:: round(PERIOD / step)])}
-    return [Run("geared", 0.0, float(time[-1]), inputs, outputs)]
+    outputs = {n: (time, seen[:, i]) for i, n in enumerate(("position", "velocity"))}
+    return [models.run({"force": (time, command[:: round(PERIOD / step)])}, outputs)]
 
 
 def test_the_play_of_a_gear_is_told_from_a_shaft_that_gives():
