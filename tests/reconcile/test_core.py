@@ -18,7 +18,7 @@ from reconcile.search.beam import Beam
 from reconcile.search.core import FITTED_MEMORY, Core
 from reconcile.search.free import FreeParameters, stated
 from reconcile.search.screen import Screen
-from reconcile.tolerances import SURE
+from reconcile.tolerances import SURE, WORTH
 from tests.reconcile import models
 from tests.reconcile.answers import cored, fitted, recorded, rig
 from tests.reconcile.truth import PERIOD, Truth, coulomb, excitation
@@ -98,6 +98,16 @@ def test_the_play_of_a_gear_is_told_from_a_shaft_that_gives():
     values = beam.points[best].values
     assert values["gear_backlash@v.gap"] == pytest.approx(6e-4, rel=0.1)
     assert values["gear_backlash@v.share"] == pytest.approx(0.4, abs=0.05)
+
+
+def test_an_end_stop_that_is_touched_once_is_worth_a_fit():
+    """It shows in a few samples, far off: as outliers they would count for next to nothing."""
+    reached = recorded(Truth(), seconds=20.0, seed=4)[0].outputs["position"].values
+    stop = float(reached.max()) - 0.003
+    truth = Truth(force=lambda x, v, t: -800.0 * (x - stop) - 10.0 * v if x > stop else 0.0)
+    core = cored(recorded(truth, seconds=20.0, seed=4), "end_stop@v", "end_stop.upper@v")
+    scores = Screen(core, core.base, Beam(core).shapes).all(core.candidates, {})
+    assert max(s.gain for s in scores) > WORTH
 
 
 def late(u: np.ndarray) -> np.ndarray:
