@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
 from reconcile.errors.ahead import ahead, noise
 from reconcile.experiment import plan
@@ -25,6 +26,7 @@ from reconcile.judging.judge import Judge
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
 from reconcile.reporting import contract, report as reports, target
+from reconcile.search import lead
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.start import units
@@ -115,13 +117,14 @@ def examine(
     said = report or (lambda *_: None)
     said("noise of inputs")
     given = inputs.without_noise(folder, (runs, confirm, holdout))
-    answer = _searched(folder, given, said, names, first)
+    answer, given = _searched(folder, given, said, names, first)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
         said("clocks that differ by recording")
         again = lambda sets: Core(folder, split(*sets))  # noqa: E731
         clocks = recorded_clocks.settled(given, clocks, again, answer.point)
-        answer = _searched(folder, [recorded_clocks.corrected(own, clocks) for own in given], said, names)
+        given = [recorded_clocks.corrected(own, clocks) for own in given]
+        answer, _ = _searched(folder, given, said, names)
     if asked := mistaken.doubt(answer, names):
         raise InputError(asked)
     said("measuring the gap")
@@ -144,31 +147,38 @@ def _searched(
     said: Report,
     names: Mapping[str, str] | None = None,
     first: Callable[[Core], None] | None = None,
-) -> Answer:
+    leads: bool = True,
+) -> tuple[Answer, Sequence[Sequence[Run]]]:
     """The search, and again with as little noise as the model's own error by then allows.
 
-    Small effects show with less noise only; what acts seldom may be found only with more.
+    Small effects show with less noise only; what acts seldom may be found only with more.  Where inputs act
+    earlier than they are recorded, the recordings are set right and searched again; they are returned, too.
     """
     said("filtering")
     parts = split(*given)
-    core = Core(folder, parts)
+    catalogue = (*ALL, lead.effect([r for runs in given for r in runs])) if leads else ALL
+    core = Core(folder, parts, catalogue)
     if asked := mistaken.evident(core, names):
         raise InputError(asked)
     if first:
         first(core)
     if (share := _least_noise(core, core.base)) < 0.5 * core.share:  # the model is good by itself
-        core = Core(folder, parts, floor=share)
-    beam = Beam(core, said)
+        core = Core(folder, parts, catalogue, share)
+    beam, before = Beam(core, said), None
     beam.search()
-    before = None
-    while not beam.cut and (share := _best_share(beam)) < 0.5 * beam.core.share:
+    while True:
+        if early := lead.found(beam):
+            said("again, without outputs that lead")
+            return _searched(folder, inputs.set_right(folder, given, early), said, names, leads=False)
+        if beam.cut or (share := _best_share(beam)) >= 0.5 * beam.core.share:
+            break
         said("again, with less noise")
-        before, beam = beam, Beam(Core(folder, parts, floor=share), said)
+        before, beam = beam, Beam(Core(folder, parts, catalogue, share), said)
         beam.search(before.foremost())
     answer = _judged(beam, said)
     if before is None or answer.present:
-        return answer
-    return _judged(before, said)
+        return answer, given
+    return _judged(before, said), given
 
 
 def _best_share(beam: Beam) -> float:

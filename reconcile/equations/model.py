@@ -16,7 +16,12 @@ from reconcile.equations.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
 NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
-LATE = ("sensor_delay", "sensor_lag", "clock_drift")  # of all outputs they do not show without an input
+LATE = (
+    "sensor_delay",
+    "sensor_lag",
+    "clock_drift",
+    "lead",
+)  # of all outputs they do not show without an input
 
 
 @dataclass(frozen=True)
