@@ -7,6 +7,7 @@
 #define FAR 20.0  /* beyond it tanh y is 1 */
 #define NEAR 0.1  /* of the speed of rest: within it the way there is an exponential */
 #define PIECES 4  /* of a way between two speeds */
+#define STANDS 3.0 /* creeps: what is slower may have stood */
 #define NEWTON 40 /* steps at most, each at least as good as halving where Newton's leaves the bracket */
 
 /* Where it is, the time left, the way so far, and the slopes of y by the speed at the start and by the drive. */
@@ -120,5 +121,17 @@ static Sliding slid(double v, double drive, Dry dry, double h) {
   s.y *= dry.creep;
   s.went *= dry.creep * dry.creep;
   s.followed *= dry.creep / h;
+  return s;
+}
+
+/* A speed v a little later, or with h < 0 a little earlier, as its rate there says; what stood by then may have moved. */
+static Sliding beside(double v, double drive, Dry dry, double h) {
+  if (h > 0.0 && (dry.forwards > 0.0 || dry.backwards > 0.0)) return slid(v, drive, dry, h);
+  Sliding s = {v, 0.0, h * v, 1.0, 0.0};
+  if (dry.forwards + dry.backwards > 0.0 && fabs(v) < STANDS * dry.creep) return s;
+  s.y += h * (drive - (v > 0.0 ? dry.forwards : -dry.backwards));
+  if (s.y * v < 0.0 && dry.forwards + dry.backwards > 0.0) s.y = 0.0;
+  s.went = 0.5 * h * (v + s.y);
+  s.followed = 1.0;
   return s;
 }

@@ -348,17 +348,22 @@ static void times(const double *r, const double *a, int columns, double *out) {
 }
 
 /* What samples earlier than the step show, or with `side` 1 later ones: of the state then, by its rates under u to second
- * order.  Between two states of a model in steps lies the straight line, beyond them a parabola through three. */
+ * order and dry friction.  Between two states of a model in steps lies the straight line, beyond them a parabola. */
 static void shifted(const Run *run, int side, const double *early, const double *x, const double *u, const double *m,
                     double *y, double *hx, double *hw) {
   static double f[NX], a[NX * NX], b[NX * NW + 1], second[NX], a2[NX * NX], b2[NX * NW + 1];
-  static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1];
+  static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1], kept[NX];
   call(kf_fj, x, u, m, run->p, f, a, b);
   if (DISCRETE) call(kf_fj, f, u, m, run->p, second, a2, b2);
   for (int i = 0; !DISCRETE && i < NX; i++) {
     second[i] = 0.0;
     for (int j = 0; j < NX; j++) second[i] += a[j * NX + i] * f[j];
   }
+#if AXES
+  static double dry[2 * AXES];
+  Sliding rubbed[AXES];
+  call(kf_dry, x, u, m, run->p, dry, 0, 0);
+#endif
   for (int o = 0; o < NY; o++) {
     const double e = early[o], half = 0.5 * e * e, parts = e / STEP;
     if (e == 0.0 || (e < 0.0) != side) continue;
@@ -368,9 +373,26 @@ static void shifted(const Run *run, int side, const double *early, const double 
     const double two = !DISCRETE ? half : between ? 0.0 : 0.5 * (parts + parts * parts);
     const double none = DISCRETE ? 1.0 - one - two : 1.0;
     for (int i = 0; i < NX; i++) then[i] = none * x[i] + one * f[i] + two * second[i];
+#if AXES
+    for (int k = 0; k < AXES; k++) {
+      const double v = x[axis_v[k]], free = then[axis_v[k]];
+      rubbed[k] = beside(v, (free - v) / one, (Dry){dry[k], dry[AXES + k], run->creep[k]}, one);
+      then[axis_v[k]] = rubbed[k].y;
+      if (axis_q[k] >= 0) then[axis_q[k]] += rubbed[k].went - 0.5 * one * (v + free);
+    }
+#endif
     call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
     y[o] = y1[o];
     for (int i = 0; i < NX; i++) r[i] = hx1[i * NY + o];
+    memcpy(kept, r, sizeof kept);
+#if AXES
+    for (int k = 0; k < AXES; k++) { /* the speed, and the place with it, keep and follow what friction lets them */
+      const int v = axis_v[k], q = axis_q[k];
+      const double by = r[v] + (q >= 0 ? 0.5 * one * r[q] : 0.0);
+      kept[v] += by * (rubbed[k].kept - 1.0);
+      r[v] += by * (rubbed[k].followed - 1.0);
+    }
+#endif
     times(r, a, NX, ra);
     times(r, b, NW, rb);
     if (DISCRETE) { /* of the step after the next: r a2 a, r (a2 b + b2) */
@@ -385,7 +407,7 @@ static void shifted(const Run *run, int side, const double *early, const double 
       times(ra, a, NX, raa);
       times(ra, b, NW, rab);
     }
-    for (int i = 0; i < NX; i++) hx[i * NY + o] = none * r[i] + one * ra[i] + two * raa[i];
+    for (int i = 0; i < NX; i++) hx[i * NY + o] = none * kept[i] + one * ra[i] + two * raa[i];
     for (int i = 0; i < NW; i++) hw[i * NY + o] = hw1[i * NY + o] + one * rb[i] + two * rab[i];
   }
 }
