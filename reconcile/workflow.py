@@ -17,6 +17,7 @@ from reconcile.judging import (
     clocks as recorded_clocks,
     inputs,
     mistaken,
+    offsets,
     quantization,
     untold,
     verdict as verdicts,
@@ -26,7 +27,6 @@ from reconcile.judging.judge import Judge
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
 from reconcile.reporting import contract, report as reports, target
-from reconcile.search import lead
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.start import units
@@ -39,6 +39,7 @@ from specs.version import VERSION
 Report = Callable[..., None]
 MODEL = "model"  # the folder in DIR of the extended model, or of those of a system's parts
 CUT = "The search ended early, after as much work as it may do: sets that were not tried may explain more."
+MOST_AGAIN = 8  # searches after the first, each with half the noise or an offset less
 SEED = 0  # nothing is drawn: the same recordings give the same report
 
 
@@ -147,16 +148,14 @@ def _searched(
     said: Report,
     names: Mapping[str, str] | None = None,
     first: Callable[[Core], None] | None = None,
-    leads: bool = True,
 ) -> tuple[Answer, Sequence[Sequence[Run]]]:
     """The search, and again with as little noise as the model's own error by then allows.
 
-    Small effects show with less noise only; what acts seldom may be found only with more.  Where inputs act
-    earlier than they are recorded, the recordings are set right and searched again; they are returned, too.
+    Small effects show with less noise only; what acts seldom may be found only with more.  Where that finds
+    offsets in time, it is made again with recordings that are set right.  These are returned, too.
     """
     said("filtering")
-    parts = split(*given)
-    catalogue = (*ALL, lead.effect([r for runs in given for r in runs])) if leads else ALL
+    parts, catalogue = split(*given), (*ALL, offsets.effect([r for runs in given for r in runs]))
     core = Core(folder, parts, catalogue)
     if asked := mistaken.evident(core, names):
         raise InputError(asked)
@@ -166,15 +165,22 @@ def _searched(
         core = Core(folder, parts, catalogue, share)
     beam, before = Beam(core, said), None
     beam.search()
-    while True:
-        if early := lead.found(beam):
-            said("again, without outputs that lead")
-            return _searched(folder, inputs.set_right(folder, given, early), said, names, leads=False)
-        if beam.cut or (share := _best_share(beam)) >= 0.5 * beam.core.share:
+    for _ in range(MOST_AGAIN):
+        share, late = _best_share(beam), offsets.found(beam)
+        quieter = share < 0.5 * beam.core.share and not beam.cut
+        if not quieter and not late:
             break
-        said("again, with less noise")
-        before, beam = beam, Beam(Core(folder, parts, catalogue, share), said)
-        beam.search(before.foremost())
+        said(
+            "again, " + " and ".join(["with less noise"] * quieter + ["without offsets in time"] * bool(late))
+        )
+        if late:
+            given = offsets.set_right(folder, given, late)
+        known = offsets.without(beam.foremost(), list(late))
+        before = None if late else beam
+        beam = Beam(Core(folder, split(*given), catalogue, share if quieter else beam.core.share), said)
+        beam.search(known)
+    for each in (beam, before) if before else (beam,):
+        offsets.drop(each)
     answer = _judged(beam, said)
     if before is None or answer.present:
         return answer, given

@@ -1,0 +1,112 @@
+"""Offsets in time between inputs and outputs, or between outputs, that are a matter of how they are recorded.
+
+The model holds an input's sample until the next one.  An input that varies in between acts half a sample
+earlier than that; so does the position of a simulation by the semi-implicit Euler method.  One that is logged
+a cycle late acts a whole sample earlier.  Outputs of the explicit Euler method are half a sample late, and so
+are speeds by backward differences.  None of this is the machine's, and no effect of the catalogue is early: a
+hidden shaft would have to stand for it.  So the search may take an offset as it takes an effect.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+from reconcile.catalogue.effect import Effect, Parameter, none
+from reconcile.equations.model import Attached, Folder
+from reconcile.filter.point import Point
+from reconcile.judging.answer import standard_errors
+from reconcile.recordings import offsets as recorded
+from reconcile.recordings.data import Run, split
+from reconcile.recordings.offsets import input_period
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.sets import LONG
+from reconcile.tolerances import LEAST_FLOOR, WORTH
+
+NAME = "time_offset"
+SURE, NEAR = 3.0, 0.05  # standard errors, or of half a sample, by which it may be beside a multiple of that
+DEGREES, PARTS = (1, 3, 0), (1, 2)  # of inputs that vary between their samples, or are held; of a step
+DELAYS = "input_delay", "sensor_delay"
+EARLIEST, LATEST = 1.6, 0.6  # samples, a little above 1.5 and 0.5: what is later is a delay
+
+
+def effect(runs: Sequence[Run]) -> Effect:
+    """Outputs early or late, by so many samples of these runs' inputs at most."""
+    period = input_period(runs)
+    delay = Parameter("delay", "s", none, amplitude=True, low=-EARLIEST * period, high=LATEST * period)
+    return Effect(NAME, "output", "y'(t) = y(t − delay)", (delay,), None, "", delays=True)
+
+
+def found(beam: Beam) -> dict[Attached, float]:
+    """Offsets of the best set: by how much (s) what is there is late, or early where that is negative."""
+    best = beam.ranked()[0]
+    if any(_is_offset(beam, best, a) for a in best):
+        point = beam.points[best]
+        beam.fit(best, point.present, [point.values], LONG, near=point)
+    return {a: _rounded(beam, best, a) for a in best if _is_offset(beam, best, a)}
+
+
+def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
+    """An offset, or the multiple of half a sample that it may be: for these there are reasons."""
+    late, half = _late(beam, key, a), 0.5 * input_period(beam.core.runs)
+    error = standard_errors(beam.points[key])[a.name(a.effect.parameters[0].name)]
+    nearest = half * round(late / half)
+    return nearest if abs(late - nearest) < max(SURE * error, NEAR * half) else late
+
+
+def _is_offset(beam: Beam, key: frozenset[Attached], a: Attached) -> bool:
+    """Whether it is an offset, or a delay or lag as short as one, of an output or of the only input."""
+    if a.effect.name == NAME:
+        return True
+    several = a.effect.place == "input" and len(beam.core.folder.ports.controls) > 1
+    late = a.effect.delays or any(n in DELAYS for n in a.effect.becomes)
+    if not late or a.effect.clock or several or len(a.effect.parameters) > 1:
+        return False
+    return _late(beam, key, a) <= LATEST * input_period(beam.core.runs)
+
+
+def _late(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
+    return beam.points[key].values[a.name(a.effect.parameters[0].name)]
+
+
+def without(points: Sequence[Point], offsets: Sequence[Attached]) -> list[Point]:
+    """Points without these offsets."""
+    return [replace(p, present=tuple(a for a in p.present if a not in offsets)) for p in points]
+
+
+def drop(beam: Beam) -> None:
+    """Leave offsets out of a search from here on, and the sets that have one."""
+    core = beam.core
+    core.candidates = [a for a in core.candidates if a.effect.name != NAME]
+    beam.pool &= set(core.candidates)
+    beam.points = {k: p for k, p in beam.points.items() if all(a.effect.name != NAME for a in k)}
+
+
+def set_right(
+    folder: Folder, given: Sequence[Sequence[Run]], late_s: Mapping[Attached, float]
+) -> Sequence[Sequence[Run]]:
+    """Runs of each purpose without offsets in time: by how much what is there is late (s).
+
+    Where all outputs are early by half a sample, inputs may vary between their samples.  Whether they do, on
+    straight lines or curves, and whether their mean over a step is enough, the model without effects says.
+    """
+    runs = [r for own in given for r in own]
+    shown = {n for r in runs for n in r.outputs}
+    members = {a: {*folder.ports.members(a.port)} for a in late_s}
+    apart = [a for a in late_s if a.effect.place == "output" and not shown <= members[a]]
+    outputs = {n: late_s[a] for a in apart for n in members[a]}
+    given = [recorded.with_outputs(own, outputs) for own in given]
+    whole = sum(s for a, s in late_s.items() if a not in apart)
+    if not whole:
+        return given
+    period = input_period(runs)
+
+    def tried(degree: int, parts: int) -> Sequence[Sequence[Run]]:
+        return [recorded.with_inputs(own, whole, period, degree, parts) for own in given]
+
+    @lru_cache
+    def total(degree: int, parts: int) -> float:
+        return Core(folder, split(*tried(degree, parts)), (), LEAST_FLOOR).base.total
+
+    degree = min(DEGREES, key=lambda d: total(d, 1) + (WORTH if d != DEGREES[0] else 0.0))
+    return tried(degree, min(PARTS, key=lambda n: total(degree, n) + (WORTH if n > 1 else 0.0)))
