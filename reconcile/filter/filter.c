@@ -181,22 +181,35 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
 #if AXES
 #include "dry_friction.h"
 
-/* Dry friction of a substep from speeds `started`. */
-static void rub(const Run *run, const double *started, double *x, const double *u, const double *m, double h, double *phi) {
-  static double dry[2 * AXES];
+/* Dry friction of a substep from the state `started`: at the speed where it begins, then between that and where it ends.
+ * What it takes off is damped over the step as all else is, so that it lets go at its level whatever the step. */
+static void rub(const Run *run, const double *started, double *x, const double *u, const double *m, double h,
+                const Slopes *s, double *phi) {
+  static double dry[2 * AXES], between[NX];
   const int n = run->active, wide = n + NW;
-  call(kf_dry, x, u, m, run->p, dry, 0, 0);
+  call(kf_dry, started, u, m, run->p, dry, 0, 0);
   for (int k = 0; k < AXES; k++) {
+    const int axis = axis_v[k];
     if (dry[k] == 0.0 && dry[AXES + k] == 0.0) continue;
-    const double v = x[axis_v[k]], old = started[axis_v[k]];
-    const Sliding end = slid(old, (v - old) / h, (Dry){dry[k], dry[AXES + k], run->creep[k]}, h);
-    const double followed = fmax(end.followed, LEAK), kept = fmax(end.kept, followed); /* else what breaks loose seems known */
-    x[axis_v[k]] = end.y;
     int row = -1, place = -1;
     for (int i = 0; i < n; i++) {
-      if (run->state[i] == axis_v[k]) row = i;
+      if (run->state[i] == axis) row = i;
       if (run->state[i] == axis_q[k]) place = i;
     }
+    const double v = x[axis], old = started[axis], damped = h * s->ab[row * wide + row];
+    const double left = fabs(damped) < 1e-6 ? 1.0 + 0.5 * damped : expm1(damped) / damped;
+    Dry levels = {left * dry[k], left * dry[AXES + k], run->creep[k]};
+    Sliding end = slid(old, (v - old) / h, levels, h);
+    memcpy(between, started, sizeof between);
+    between[axis] = 0.5 * (old + end.y);
+    call(kf_dry, between, u, m, run->p, dry, 0, 0);
+    if (left * dry[k] != levels.forwards || left * dry[AXES + k] != levels.backwards) {
+      levels.forwards = left * dry[k];
+      levels.backwards = left * dry[AXES + k];
+      end = slid(old, (v - old) / h, levels, h);
+    }
+    const double followed = fmax(end.followed, LEAK), kept = fmax(end.kept, followed); /* else what breaks loose seems known */
+    x[axis] = end.y;
     if (place >= 0) x[axis_q[k]] -= 0.5 * h * (old + v) - end.went;
     for (int j = 0; phi && j < wide; j++) {
       const double before = phi[j * ROW + row], own = j == row;
@@ -226,7 +239,7 @@ static int substep(const Run *run, double *x, const double *f, const double *u, 
     solve(s->lu, s->pivot, n, k2, 1);
     for (int i = 0; i < n; i++) x[at[i]] += h * (1.5 * k1[i] + 0.5 * k2[i]);
 #if AXES
-    rub(run, started, x, u, m, h, phi);
+    rub(run, started, x, u, m, h, s, phi);
 #else
     (void)phi;
 #endif

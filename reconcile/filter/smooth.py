@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+KNOWN = 1e-150  # variance: what stands is known ever better, and its inverse would overflow
+
 
 def smoothed(run: Mapping[str, np.ndarray], columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """States and disturbances [n, NX + NW] and their variances, backwards through what a filter kept.
@@ -14,7 +16,7 @@ def smoothed(run: Mapping[str, np.ndarray], columns: np.ndarray) -> tuple[np.nda
     phi, before, after, ahead = (run[n] for n in ("phi", "before", "after", "ahead"))
     if len(z) < 2:
         return z, v
-    scale = np.sqrt(np.maximum(np.diagonal(before[1:], axis1=1, axis2=2), 1e-300))
+    scale = np.sqrt(np.maximum(np.diagonal(before[1:], axis1=1, axis2=2), KNOWN))
     size = (
         scale[:, :, None] * scale[:, None, :]
     )  # scaled: pressures in Pa and angles in rad stand in one matrix

@@ -43,7 +43,8 @@ def found(beam: Beam) -> dict[Attached, float]:
     if any(_is_offset(beam, best, a) for a in best):
         point = beam.points[best]
         beam.fit(best, point.present, [point.values], LONG, near=point)
-    return {a: _rounded(beam, best, a) for a in best if _is_offset(beam, best, a)}
+    every = {a: _rounded(beam, best, a) for a in best if _is_offset(beam, best, a)}
+    return {a: late for a, late in every.items() if late}
 
 
 def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
