@@ -185,6 +185,8 @@ class Judge:
         Where confirm hardly moves it, its kind has to be all but certain elsewhere, and not denied there.
         What is a crumb shows with each set's own noise: with the best one's all that lacks anything is lost.
         """
+        if self._relieves(key, a):
+            return True
         keys = key - {a}, key, frozenset()
         points = self.beam.own if all(k in self.beam.own for k in keys) else self.beam.points
         less, with_it, none = (points[k] for k in keys)
@@ -194,6 +196,11 @@ class Judge:
         whole = confirmed(self.core, none) - confirmed(self.core, with_it)
         enough = 0.0 if probability > CERTAIN else TOLD
         return gained > max(enough, OF_NATS * whole)
+
+    def _relieves(self, key: Key, a: Attached) -> bool:
+        """Whether a parameter leaves what the model states of it, where the effect is not there."""
+        less, with_it = (self.core.strain(self.beam.points[k]) for k in (key - {a}, key))
+        return less - with_it > TOLD
 
     def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
         """Share of the error left without an effect that it takes away, and that in spreads."""

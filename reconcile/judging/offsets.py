@@ -20,7 +20,7 @@ from reconcile.recordings.data import Run, split
 from reconcile.recordings.offsets import input_period
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
-from reconcile.search.sets import LONG
+from reconcile.search.sets import LONG, effects
 from reconcile.tolerances import LEAST_FLOOR, WORTH
 
 NAME = "time_offset"
@@ -39,12 +39,30 @@ def effect(runs: Sequence[Run]) -> Effect:
 
 def found(beam: Beam) -> dict[Attached, float]:
     """Offsets of the best set: by how much (s) what is there is late, or early where that is negative."""
+    _beside_shafts(beam)
     best = beam.ranked()[0]
     if any(_is_offset(beam, best, a) for a in best):
         point = beam.points[best]
         beam.fit(best, point.present, [point.values], LONG, near=point)
     every = {a: _rounded(beam, best, a) for a in best if _is_offset(beam, best, a)}
     return {a: late for a, late in every.items() if late}
+
+
+def _beside_shafts(beam: Beam) -> None:
+    """Fit the best set with an offset in place of a shaft: a stiff one shows as that does."""
+    best = beam.ranked()[0]
+    own = next(a for a in beam.core.candidates if a.effect.name == NAME and _of_all(beam, a))
+    for shaft in [a for a in best if a.effect.shaft]:
+        beam.refit(best, tuple(a for a in best if a != shaft), False)
+        less = best - {shaft}
+        if less in beam.points and own not in less:
+            point = beam.points[less]
+            start = point.values | {own.name("delay"): -0.5 * input_period(beam.core.runs)}
+            beam.fit(less | {own}, (*point.present, own), [start], LONG, fresh=effects(start, point.present))
+
+
+def _of_all(beam: Beam, a: Attached) -> bool:
+    return set(beam.core.outputs) <= {*beam.core.folder.ports.members(a.port)}
 
 
 def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:

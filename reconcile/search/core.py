@@ -220,6 +220,11 @@ class Core:
         well = {v.name for v in self.model.parameters if stated(v)}  # known well enough without
         return {f.name: found[f.name] for f in self.base_free if f.name not in well}
 
+    def strain(self, point: Point) -> float:
+        """Nats that parameters cost which lie beside what the model states of them."""
+        well = {v.name for v in self.model.parameters if stated(v)}
+        return 0.5 * sum(f.coordinate(point.values[f.name]) ** 2 for f in self.base_free if f.name in well)
+
     def settle(self) -> None:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""
         for first in (True, False):

@@ -16,6 +16,7 @@ PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is muc
 SMOOTH = 1e-3  # of that of an effect without a kink: beside a parameter much like it, only exact slopes tell
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
 SIZES = (0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start, tried where it is too strong
+STRAINED = 10.0  # nats of parameters beside what the model states of them
 MOST_PROBES = 24  # starts of one effect that are tried
 
 
@@ -116,7 +117,8 @@ class Screen:
         at = _bounded(c + np.eye(len(g)), -g, free)
         gain = float(-g @ at - 0.5 * at @ (c + np.eye(len(g))) @ at)
         gain -= 0.5 * float(np.linalg.slogdet(c + np.eye(len(g)))[1])
-        if not separable:
+        # what only takes over a strained parameter's part moves nothing of its own, and the strain is what it gains
+        if not separable and self.core.strain(self.point) < STRAINED:
             return Scored(a, -np.inf, shapes, False)
         at = np.clip(at, -3.0, 3.0)
         reached, found = self._walked(present, shapes, free, at, beside)
