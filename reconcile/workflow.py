@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reconcile.catalogue import ALL
+from reconcile.catalogue import ALL, offset
 from reconcile.equations.model import Folder
 from reconcile.errors.ahead import ahead, noise
 from reconcile.experiment import plan
@@ -26,6 +26,7 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.judge import Judge
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
+from reconcile.recordings.offsets import input_period
 from reconcile.reporting import contract, report as reports, target
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
@@ -155,7 +156,8 @@ def _searched(
     offsets in time, it is made again with recordings that are set right.  These are returned, too.
     """
     said("filtering")
-    parts, catalogue = split(*given), (*ALL, offsets.effect([r for runs in given for r in runs]))
+    parts = split(*given)
+    catalogue = (*ALL, offset.effect(input_period([r for runs in given for r in runs])))
     core = Core(folder, parts, catalogue)
     if asked := mistaken.evident(core, names):
         raise InputError(asked)

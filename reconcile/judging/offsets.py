@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from reconcile.catalogue.effect import Effect, Parameter, none
+from reconcile.catalogue.offset import LATEST, NAME
 from reconcile.equations.model import Attached, Folder
 from reconcile.filter.point import Point
 from reconcile.judging.answer import standard_errors
@@ -23,18 +23,9 @@ from reconcile.search.core import Core
 from reconcile.search.sets import LONG, effects
 from reconcile.tolerances import LEAST_FLOOR, WORTH
 
-NAME = "time_offset"
 SURE, NEAR = 3.0, 0.05  # standard errors, or of half a sample, by which it may be beside a multiple of that
 DEGREES, PARTS = (1, 3, 0), (1, 2)  # of inputs that vary between their samples, or are held; of a step
 DELAYS = "input_delay", "sensor_delay"
-EARLIEST, LATEST = 1.6, 0.6  # samples, a little above 1.5 and 0.5: what is later is a delay
-
-
-def effect(runs: Sequence[Run]) -> Effect:
-    """Outputs early or late, by so many samples of these runs' inputs at most."""
-    period = input_period(runs)
-    delay = Parameter("delay", "s", none, amplitude=True, low=-EARLIEST * period, high=LATEST * period)
-    return Effect(NAME, "output", "y'(t) = y(t − delay)", (delay,), None, "", delays=True)
 
 
 def found(beam: Beam) -> dict[Attached, float]:
@@ -51,7 +42,9 @@ def found(beam: Beam) -> dict[Attached, float]:
 def _beside_shafts(beam: Beam) -> None:
     """Fit the best set with an offset in place of a shaft: a stiff one shows as that does."""
     best = beam.ranked()[0]
-    own = next(a for a in beam.core.candidates if a.effect.name == NAME and _of_all(beam, a))
+    own = beam.core.offset
+    if own is None:
+        return
     for shaft in [a for a in best if a.effect.shaft]:
         beam.refit(best, tuple(a for a in best if a != shaft), False)
         less = best - {shaft}
@@ -59,10 +52,6 @@ def _beside_shafts(beam: Beam) -> None:
             point = beam.points[less]
             start = point.values | {own.name("delay"): -0.5 * input_period(beam.core.runs)}
             beam.fit(less | {own}, (*point.present, own), [start], LONG, fresh=effects(start, point.present))
-
-
-def _of_all(beam: Beam, a: Attached) -> bool:
-    return set(beam.core.outputs) <= {*beam.core.folder.ports.members(a.port)}
 
 
 def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect, Scales
+from reconcile.catalogue.offset import NAME as OFFSET
 from reconcile.equations import sites
 from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.equations.reach import Reach
@@ -92,6 +93,13 @@ class Core:
     def _begun(self, record: Record) -> int:
         """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
         return len(self.model.states) + min(BEGUN, int(BEGUN_SHARE * len(record.time)))
+
+    @property
+    def offset(self) -> Attached | None:
+        """The candidate of an offset in time of all outputs, if there is one."""
+        shown, members = set(self.outputs), self.folder.ports.members
+        found = (a for a in self.candidates if a.effect.name == OFFSET and shown <= {*members(a.port)})
+        return next(found, None)
 
     @cached_property
     def reach(self) -> Reach:

@@ -117,7 +117,7 @@ class Screen:
         at = _bounded(c + np.eye(len(g)), -g, free)
         gain = float(-g @ at - 0.5 * at @ (c + np.eye(len(g))) @ at)
         gain -= 0.5 * float(np.linalg.slogdet(c + np.eye(len(g)))[1])
-        # what only takes over a strained parameter's part moves nothing of its own, and the strain is what it gains
+        # what takes over the part of a strained parameter moves nothing of its own: the strain is its gain
         if not separable and self.core.strain(self.point) < STRAINED:
             return Scored(a, -np.inf, shapes, False)
         at = np.clip(at, -3.0, 3.0)

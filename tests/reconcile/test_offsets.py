@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reconcile import workflow
-from reconcile.catalogue import ALL
+from reconcile.catalogue import ALL, offset
 from reconcile.equations.model import ALL_OUTPUTS, Attached
 from reconcile.judging import offsets
 from reconcile.recordings.data import runs_of, split
@@ -79,7 +79,7 @@ def told(rig, case, friction=0.8):
 def test_an_offset_is_found_where_there_is_one(rig, case, late):
     runs = told(rig, case)
     catalogue = [e for e in ALL if e.name in NAMES]
-    beam = Beam(Core(rig, split(runs, (), ()), [*catalogue, offsets.effect(runs)]))
+    beam = Beam(Core(rig, split(runs, (), ()), [*catalogue, offset.effect(PERIOD)]))
     beam.search()
     assert {a.port: s for a, s in offsets.found(beam).items()} == pytest.approx(late, rel=0.1)
 
@@ -95,7 +95,7 @@ def test_an_offset_is_found_where_there_is_one(rig, case, late):
 )
 def test_recordings_are_set_right_and_fit_as_those_without_an_offset(rig, case, late, note):
     runs = told(rig, case, friction=0.0)
-    own = offsets.effect(runs)
+    own = offset.effect(PERIOD)
     (right, _, _) = offsets.set_right(
         rig, [runs, [], []], {Attached(own, port): s for port, s in late.items()}
     )
