@@ -173,7 +173,7 @@ def _searched(
         if not quieter and not late:
             break
         said(
-            "again, " + " and ".join(["with less noise"] * quieter + ["without offsets in time"] * bool(late))
+            " and ".join(["again", *["with less noise"] * quieter, *["without offsets in time"] * bool(late)])
         )
         if late:
             given = offsets.set_right(folder, given, late)

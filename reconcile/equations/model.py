@@ -9,19 +9,15 @@ from typing import Any
 from fmus.definition import Model
 from fmus.toolchain.loader import load_model, model_folders
 from fmus.toolchain.tried import line, tried, try_equations
-from reconcile.catalogue import ALL, Effect
+from reconcile.catalogue import ALL, Effect, offset
 from reconcile.catalogue.effect import AXIS_PLACES
 from reconcile.equations import motion, sites
 from reconcile.equations.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
 NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
-LATE = (
-    "sensor_delay",
-    "sensor_lag",
-    "clock_drift",
-    "lead",
-)  # of all outputs they do not show without an input
+# of all outputs they do not show without an input
+LATE = ("sensor_delay", "sensor_lag", "clock_drift", offset.NAME)
 
 
 @dataclass(frozen=True)

@@ -196,8 +196,9 @@ static void rub(const Run *run, const double *started, double *x, const double *
       if (run->state[i] == axis) row = i;
       if (run->state[i] == axis_q[k]) place = i;
     }
-    const double v = x[axis], old = started[axis], damped = h * s->ab[row * wide + row];
-    const double left = fabs(damped) < 1e-6 ? 1.0 + 0.5 * damped : expm1(damped) / damped;
+    const double v = x[axis], old = started[axis], z = h * s->ab[row * wide + row];
+    /* what a step leaves of a force that acts all through it: ROS2 of v' = 1 + z v / h, in h */
+    const double left = (1.0 + (0.5 - 2.0 * GAMMA) * z) / ((1.0 - GAMMA * z) * (1.0 - GAMMA * z));
     Dry levels = {left * dry[k], left * dry[AXES + k], run->creep[k]};
     Sliding end = slid(old, (v - old) / h, levels, h);
     memcpy(between, started, sizeof between);

@@ -21,7 +21,7 @@ Values = dict[str, float]  # parameters of the model, its effects and the noise,
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 BY_SAMPLE = ("e", "s", "de", "ds")  # of these, what goes with samples and not with steps
 NOTHING = np.empty((0, 0))
-FOLLOWED = 4  # substeps, at least, where an effect of an input moves, or a shaft swings, within a step
+FOLLOWED = 4  # substeps, at least, where an effect of an input moves, or a gear closes, within a step
 NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 CREEP = "creep of "  # an axis: the speed by which its dry friction gives way at standstill
 STILL = 1e-30  # where nothing says so: it stops
@@ -126,7 +126,7 @@ class Kalman:
             "creep": np.array([values.get(CREEP + a.name, STILL) for a in self.folder.ports.axes]),
         }
         memories, substeps = part.library.stepped.memories, self.substeps
-        if self.model.kind == "continuous" and any(a in memories or a.effect.shaft for a in present):
+        if self.model.kind == "continuous" and any(a in memories or a.effect.width == "gap" for a in present):
             substeps = max(substeps, FOLLOWED)
         found = []
         for k in range(len(self.records)):

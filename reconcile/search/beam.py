@@ -7,7 +7,7 @@ import numpy as np
 from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Point
-from reconcile.search import quiet, resonances
+from reconcile.search import quiet
 from reconcile.search.core import Core
 from reconcile.search.screen import Screen
 from reconcile.search.sets import BEHIND, FRESH, LONG, Key, Sets, effects
@@ -41,12 +41,10 @@ class Beam(Sets):
         for point in known:
             own = effects(point.values, point.present)
             self.fit(frozenset(point.present), point.present, [point.values], fresh=own)
-        begun = self._zeros()
-        if self._absorbed(frozenset()):
-            begun += resonances.found(self)[: KEPT[0]]
+        zeros = self._zeros()
         self._grow([frozenset()], 0)
-        if begun:
-            self._grow(begun, 1)
+        if zeros:
+            self._grow(zeros, 1)
         self.report("best sets again")
         self._refresh()
         self._mend()

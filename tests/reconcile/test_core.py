@@ -199,6 +199,19 @@ def test_a_known_parameter_stays_within_its_tolerance_where_the_data_say_little(
     assert Core(folder, core.parts, ()).base.values["mass"] == pytest.approx(2.3, abs=2e-3)
 
 
+def test_what_a_stated_parameter_cannot_be_is_named_though_it_moves_nothing_of_its_own():
+    folder = rig()
+    known = [replace(v, tolerance=0.02) if v.name == "mass" else v for v in folder.model.parameters]
+    stated = replace(folder, model=replace(folder.model, parameters=tuple(known)))
+    catalogue = [e for e in ALL if e.name in ("payload_mass", "coulomb_friction")]
+    beam = Beam(Core(stated, split(recorded(Truth(mass=2.8), seconds=12.0), (), ()), catalogue))
+    beam.run()
+    judged = Judge(beam).decide()
+    (payload,) = judged.answer
+    assert payload.effect.name == "payload_mass"
+    assert beam.points[judged.answer].values[payload.name("inertia")] == pytest.approx(0.8, abs=0.1)
+
+
 def test_coordinates_and_limits_of_a_parameter():
     for f in (Free("a", 2.0, 0.7, True, 1.0, 5.0), Free("b", 2.0, 0.7, False, 1.0, 5.0)):
         assert f.value(f.coordinate(3.3)) == pytest.approx(3.3)

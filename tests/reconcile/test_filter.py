@@ -191,10 +191,10 @@ def test_a_step_is_of_order_two_for_a_model_that_is_not_linear():
 
 
 def sliding(
-    step: float, velocity: float, force: float, steps: int = 150, creep: float = STILL
+    step: float, velocity: float, force: float, steps: int = 150, creep: float = STILL, drag: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """A carriage with 1 N of dry friction: its position and speed [steps], by itself from a speed."""
-    folder = models.spring(stiffness=0.0, drag=0.0)
+    folder = models.spring(stiffness=0.0, drag=drag)
     (friction,) = (
         a for a in candidates(folder, ["force", "position", "velocity"]) if a.key == "coulomb_friction@v"
     )
@@ -241,6 +241,18 @@ def test_dry_friction_brings_a_speed_to_rest_and_there_it_stays(step):
 def test_what_breaks_away_is_pushed_by_what_friction_leaves():
     _, v = sliding(0.01, 0.0, 3.0)
     assert v[-1] == pytest.approx(0.01 * len(v) * 1.0, rel=1e-6)  # (3 - 1) N on 2 kg
+
+
+def test_dry_friction_beside_drag_is_of_second_order_and_lets_go_at_its_level():
+    drag, mass, errors = 4.0, 2.0, []
+    for step in (0.08, 0.04, 0.02):
+        _, v = sliding(step, 0.0, 3.0, steps=round(0.8 / step), drag=drag)
+        true = (3.0 - 1.0) / drag * (1.0 - np.exp(-drag / mass * step * np.arange(1, len(v) + 1)))
+        errors.append(np.abs(v - true).max())
+    assert errors[0] < 2e-3
+    assert np.array(errors[:-1]) / np.array(errors[1:]) == pytest.approx([4.0, 4.0], rel=0.3)
+    assert np.abs(sliding(0.08, 0.0, 0.999, drag=drag)[1]).max() < NOTHING
+    assert sliding(0.08, 0.0, 1.001, drag=drag)[1][-1] == pytest.approx(0.001 / drag, rel=0.1)
 
 
 @pytest.mark.parametrize("creep", [1e-4, 0.01, 0.3])
