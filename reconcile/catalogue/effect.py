@@ -23,14 +23,16 @@ class Scales:
     """Sizes met in the data at a port, from which starts and smoothing widths are made.
 
     `u`: largest of the input; `v`, `q`, `f`: of speed, position and force at a force port (f: inertia times
-    acceleration); `y`: of the output; `p`, `d`: of pressure difference and demand at a hydraulic port;
-    `period_s`: sample period; `memory_s`: time over which the outputs forget where they were.  All > 0.
+    acceleration); `drive`: of the force of inputs there; `y`: of the output; `p`, `d`: of pressure difference
+    and demand at a hydraulic port; `period_s`: sample period; `memory_s`: time over which the outputs forget
+    where they were.  All > 0, but `drive` may be 0.
     """
 
     u: float = 1.0
     v: float = 1.0
     q: float = 1.0
     f: float = 1.0
+    drive: float = 0.0
     y: float = 1.0
     inertia: float = 1.0
     period_s: float = 0.02

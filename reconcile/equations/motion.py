@@ -7,6 +7,7 @@ a velocity loop, of which the rest cannot be taken apart: all of its own acceler
 """
 
 import casadi as ca
+import numpy as np
 
 from fmus.definition import Model
 from reconcile.equations.ports import Axis, Ports
@@ -22,6 +23,14 @@ def driven(model: Model, ports: Ports, axis: Axis) -> bool:
     direct = [n for n in ports.controls if ca.depends_on(rate, u[model.index("inputs", n)])]
     between = [i for i in still(model, ports) if ca.depends_on(rate, x[i])]
     return not direct and bool(between)
+
+
+def by_inputs(model: Model, axis: Axis, x: np.ndarray, u: np.ndarray, m: np.ndarray, p: np.ndarray) -> float:
+    """Acceleration of an axis (its speed's unit by s) by the inputs u in the state x: against none at all."""
+    row, step = model.index("states", axis.velocity), model.step if model.kind == "discrete" else 1.0
+    symbols = model.symbols
+    rate = ca.Function("rate", symbols, [model.f(*symbols)[row]])
+    return float(rate(x, u, m, p) - rate(x, np.zeros_like(u), m, p)) / step
 
 
 def velocity_loop(model: Model, axis: Axis) -> bool:

@@ -1,6 +1,6 @@
 """The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,8 +9,9 @@ import numpy as np
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.catalogue.offset import NAME as OFFSET
-from reconcile.equations import sites
+from reconcile.equations import motion, sites
 from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
+from reconcile.equations.ports import Axis
 from reconcile.equations.reach import Reach
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import CREEP, NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
@@ -313,6 +314,7 @@ class Core:
                 angular=units.get(axis.position or "") == "rad",
                 inertia=inertia,
                 f=inertia * size or 1.0,
+                drive=inertia * self._by_inputs(axis, np.mean(z, axis=0), found),
                 period_s=period,
                 memory_s=memory,
             )
@@ -322,6 +324,15 @@ class Core:
             for n, s in found.items()
         }
         self.values |= self._absent()
+
+    def _by_inputs(self, axis: Axis, x: np.ndarray, scales: Mapping[str, Scales]) -> float:
+        """Acceleration of an axis by the largest of the inputs, one by one, around a state."""
+        p = np.array([v.start for v in self.model.parameters])  # as the inertia is
+        found = []
+        for k, v in enumerate(self.model.inputs):
+            u = scales[v.name].u * np.eye(len(self.model.inputs))[k]
+            found.append(abs(motion.by_inputs(self.model, axis, x, u, self.kalman.modes[0][0], p)))
+        return max((a for a in found if np.isfinite(a)), default=0.0)
 
     def _absent(self) -> Values:
         """All effects absent: amplitudes and gates at nothing, shapes at their first start."""

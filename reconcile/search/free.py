@@ -8,6 +8,7 @@ import numpy as np
 from fmus.definition import Variable
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
+from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached, Folder
 from reconcile.filter.point import Free
 
@@ -67,6 +68,10 @@ class FreeParameters:
             size = self._unit_size(a, q.unit, s, other)
             if q.name in ("factor",):
                 size = 1.0
+            if (
+                a.effect.place == "force" and kind(a.effect.name) == "load"
+            ):  # a drive may hold one that hardly moves
+                size *= max(1.0, s.drive / s.f)
             return Free(a.name(q.name), 0.0, size, False, low, high, scaleless)
         center = float(np.exp(np.mean(np.log(starts))))
         size = max(0.7, 0.5 * float(np.log(starts.max() / starts.min())))

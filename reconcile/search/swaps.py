@@ -81,11 +81,14 @@ class Swaps:
         return grown
 
     def _same(self, a: Attached, other: Attached, values: Values) -> Values:
-        """An effect's values as another one's parameters: by name, or else by unit."""
+        """An effect's values as another one's parameters: by name or unit, one amplitude by its size."""
         own, wanted = a.effect.parameters, other.effect.parameters
         units = {p.name: p.unit for p in own}
         if all(units.get(q.name) == q.unit for q in wanted):
             return {other.name(q.name): values[a.name(q.name)] for q in wanted}
+        if len(own) == len(wanted) == 1 and own[0].amplitude and wanted[0].amplitude:
+            size, wanted_size = (self.sets.core.free_of(b)[0].size for b in (a, other))
+            return {other.name(wanted[0].name): values[a.name(own[0].name)] * wanted_size / size}
         left, found = list(own), {}
         for q in wanted:
             twin = next((p for p in left if p.unit == q.unit), None)
