@@ -4,7 +4,9 @@ from functools import cached_property
 
 import numpy as np
 
+from reconcile.catalogue.offset import NAME as OFFSET
 from reconcile.equations.extended import Extended
+from reconcile.equations.model import Attached
 
 Delay = tuple[float, float]  # s, and what it gains per second of the recording
 
@@ -16,8 +18,10 @@ class Late:
         self._extended, self._model, self._outputs = extended, extended.model, outputs
 
     def of_inputs(self, p: np.ndarray) -> dict[int, float]:
-        """Input -> its delay (s) with the parameters p [NP]."""
-        return {i: float(sum(p[k] for k in ks)) for i, ks in self.inputs.items()}
+        """Input -> its delay (s) with the parameters p [NP], and by how much all outputs are late."""
+        all_outputs = float(sum(p[k] for k in self.offsets))
+        late = dict.fromkeys(range(len(self._model.inputs)), all_outputs) if self.offsets else {}
+        return late | {i: float(sum(p[k] for k in ks)) + all_outputs for i, ks in self.inputs.items()}
 
     def of_output(self, name: str, p: np.ndarray) -> Delay:
         """Delay of an output (s), and what it gains per second of the recording."""
@@ -45,10 +49,18 @@ class Late:
             if sensor.delay and name in found:
                 found[name].append(self._extended.index[sensor.delay])
         for a in self._extended.attached:
-            if a.effect.delays and a.effect.place == "output" and not a.effect.clock:
+            if a.effect.delays and a.effect.place == "output" and not a.effect.clock and not self._of_all(a):
                 for name in set(self._extended.folder.ports.members(a.port)) & set(self._outputs):
                     found[name].append(self._extended.index[a.name("delay")])
         return found
+
+    @cached_property
+    def offsets(self) -> list[int]:
+        """Parameters whose sum is an offset in time of all outputs: inputs move instead, which is exact."""
+        return [self._extended.index[a.name("delay")] for a in self._extended.attached if self._of_all(a)]
+
+    def _of_all(self, a: Attached) -> bool:
+        return a.effect.name == OFFSET and {*self._outputs} <= {*self._extended.folder.ports.members(a.port)}
 
     @cached_property
     def clocks(self) -> dict[str, list[int]]:
