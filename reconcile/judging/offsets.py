@@ -23,7 +23,8 @@ from reconcile.search.core import Core
 from reconcile.search.sets import LONG, effects
 from reconcile.tolerances import LEAST_FLOOR, WORTH
 
-SURE, NEAR = 3.0, 0.05  # standard errors, or of half a sample, by which it may be beside a multiple of that
+SURE = 3.0  # standard errors by which an offset may be beside a multiple of half a sample …
+NEAR, FAR = 0.05, 0.2  # … but at least, and at most, so much of half a sample
 DEGREES, PARTS = (1, 3, 0), (1, 2)  # of inputs that vary between their samples, or are held; of a step
 DELAYS = "input_delay", "sensor_delay"
 
@@ -35,6 +36,8 @@ def found(beam: Beam) -> dict[Attached, float]:
     if any(_is_offset(beam, best, a) for a in best):
         point = beam.points[best]
         beam.fit(best, point.present, [point.values], LONG, near=point)
+        beam.refit(best, tuple(a for a in best if not _is_offset(beam, best, a)), iterations=LONG)
+        best = beam.ranked()[0]
     every = {a: _rounded(beam, best, a) for a in best if _is_offset(beam, best, a)}
     return {a: late for a, late in every.items() if late}
 
@@ -59,7 +62,8 @@ def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
     late, half = _late(beam, key, a), 0.5 * input_period(beam.core.runs)
     error = standard_errors(beam.points[key])[a.name(a.effect.parameters[0].name)]
     nearest = half * round(late / half)
-    return nearest if abs(late - nearest) < max(SURE * error, NEAR * half) else late
+    beside = min(max(SURE * error, NEAR * half), FAR * half)
+    return nearest if abs(late - nearest) < beside else late
 
 
 def _is_offset(beam: Beam, key: frozenset[Attached], a: Attached) -> bool:
