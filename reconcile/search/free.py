@@ -68,9 +68,8 @@ class FreeParameters:
             size = self._unit_size(a, q.unit, s, other)
             if q.name in ("factor",):
                 size = 1.0
-            if (
-                a.effect.place == "force" and kind(a.effect.name) == "load"
-            ):  # a drive may hold one that hardly moves
+            # a drive may hold a load that hardly moves
+            if a.effect.place == "force" and kind(a.effect.name) == "load":
                 size *= max(1.0, s.drive / s.f)
             return Free(a.name(q.name), 0.0, size, False, low, high, scaleless)
         center = float(np.exp(np.mean(np.log(starts))))
