@@ -63,6 +63,9 @@ class FreeParameters:
         low, high = q.bounds(s)
         if a.effect.delays and q.unit == "s":
             high = min(high, LATEST * self.duration_s)
+        elif q.unit == "s" and any(n.endswith("_delay") for n in a.effect.becomes):
+            # a lag that is longer than the recording is another gain
+            high = min(high, self.duration_s)
         starts, scaleless = np.array(q.starts(s), float), q.unit == "s" or a.effect.clock
         if q.amplitude or np.min(starts) <= 0.0:
             size = self._unit_size(a, q.unit, s, other)
