@@ -119,14 +119,13 @@ def examine(
     said = report or (lambda *_: None)
     said("noise of inputs")
     given = inputs.without_noise(folder, (runs, confirm, holdout))
-    answer, given = _searched(folder, given, said, names, first)
+    answer = _searched(folder, given, said, names, first)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
         said("clocks that differ by recording")
         again = lambda sets: Core(folder, split(*sets))  # noqa: E731
         clocks = recorded_clocks.settled(given, clocks, again, answer.point)
-        given = [recorded_clocks.corrected(own, clocks) for own in given]
-        answer, _ = _searched(folder, given, said, names)
+        answer = _searched(folder, [recorded_clocks.corrected(own, clocks) for own in given], said, names)
     if asked := mistaken.doubt(answer, names):
         raise InputError(asked)
     said("measuring the gap")
@@ -149,11 +148,11 @@ def _searched(
     said: Report,
     names: Mapping[str, str] | None = None,
     first: Callable[[Core], None] | None = None,
-) -> tuple[Answer, Sequence[Sequence[Run]]]:
+) -> Answer:
     """The search, and again with as little noise as the model's own error by then allows.
 
     Small effects show with less noise only; what acts seldom may be found only with more.  Where that finds
-    offsets in time, it is made again with recordings that are set right.  These are returned, too.
+    offsets in time, it is made again with recordings that are set right.
     """
     said("filtering")
     parts = split(*given)
@@ -185,8 +184,8 @@ def _searched(
         offsets.drop(each)
     answer = _judged(beam, said)
     if before is None or answer.present:
-        return answer, given
-    return _judged(before, said), given
+        return answer
+    return _judged(before, said)
 
 
 def _best_share(beam: Beam) -> float:
