@@ -136,6 +136,10 @@ class Ports:
             return self.outputs
         return self.input_groups.get(port) or self.output_groups.get(port) or (port,)
 
+    def holds(self, port: str, signals: Iterable[str]) -> bool:
+        """Whether all of these signals are at a port."""
+        return {*signals} <= {*self.members(port)}
+
     def axis(self, name: str) -> Axis:
         """The axis of a name."""
         return next(a for a in self.axes if a.name == name)

@@ -60,7 +60,7 @@ class Late:
         return [self._extended.index[a.name("delay")] for a in self._extended.attached if self._of_all(a)]
 
     def _of_all(self, a: Attached) -> bool:
-        return a.effect.name == OFFSET and {*self._outputs} <= {*self._extended.folder.ports.members(a.port)}
+        return a.effect.name == OFFSET and self._extended.folder.ports.holds(a.port, self._outputs)
 
     @cached_property
     def clocks(self) -> dict[str, list[int]]:

@@ -104,9 +104,8 @@ def set_right(
     """
     runs = [r for own in given for r in own]
     shown = {n for r in runs for n in r.outputs}
-    members = {a: {*folder.ports.members(a.port)} for a in late_s}
-    apart = [a for a in late_s if a.effect.place == "output" and not shown <= members[a]]
-    outputs = {n: late_s[a] for a in apart for n in members[a]}
+    apart = [a for a in late_s if a.effect.place == "output" and not folder.ports.holds(a.port, shown)]
+    outputs = {n: late_s[a] for a in apart for n in folder.ports.members(a.port)}
     given = [recorded.with_outputs(own, outputs) for own in given]
     whole = sum(s for a, s in late_s.items() if a not in apart)
     if not whole:

@@ -98,9 +98,8 @@ class Core:
     @property
     def offset(self) -> Attached | None:
         """The candidate of an offset in time of all outputs, if there is one."""
-        shown, members = set(self.outputs), self.folder.ports.members
-        found = (a for a in self.candidates if a.effect.name == OFFSET and shown <= {*members(a.port)})
-        return next(found, None)
+        holds, found = self.folder.ports.holds, (a for a in self.candidates if a.effect.name == OFFSET)
+        return next((a for a in found if holds(a.port, self.outputs)), None)
 
     @cached_property
     def reach(self) -> Reach:
