@@ -84,6 +84,8 @@ def qos(
         Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
     ]
+    if latched:  # what a late subscriber gets: the last message alone, unless this says more
+        chosen.append(Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1))
     if hashed:
         told = f"typehash={type_hash(name)};"
     if told:

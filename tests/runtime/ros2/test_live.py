@@ -113,6 +113,21 @@ def test_ros_2s_graph_sees_a_node(run: tuple[Beside, Peer]):
     assert len(node.reader_gid_seq) == 1 + 9  # targets, requests of services
 
 
+def test_a_late_subscriber_gets_every_line_that_is_kept():
+    from runtime.ros2.node import Node
+    from runtime.ros2.wire import message
+
+    kind, early = "rcl_interfaces/msg/Log", Peer(next(DOMAINS))
+    node = Node(early.domain, "/late/log")
+    node.publisher("/rosout", kind, latched=True, depth=4)
+    stamp = message("builtin_interfaces/msg/Time")(1, 0)
+    for text in "abcde":
+        node.publish("/rosout", message(kind)(stamp, 20, "late", text, "", "", 0))
+    log, said = early.subscribe("/rosout", kind, latched=True), []
+    until(lambda: said and said[-1] == "e", lambda: said.extend(m.msg for m in log.take(10)))
+    assert said == ["b", "c", "d", "e"]
+
+
 def test_a_publisher_commands_until_it_is_silent_and_nobody_displaces_it(run: tuple[Beside, Peer]):
     served, peer = run
     first, second = peer.publisher(COMMAND, ros2.TARGET), Peer(peer.domain).publisher(COMMAND, ros2.TARGET)
