@@ -64,6 +64,7 @@ def slewright(site: Path, dependencies: Path, *arguments: str) -> subprocess.Com
     return run(line, cwd=site, env=environment)
 
 
+@pytest.mark.long
 def test_the_wheel_is_of_one_platform_and_names_no_python(wheel: Path):
     name, version, python, abi, platform = wheel.stem.split("-")
     assert (name, python, abi) == ("slewright", "py3", "none")

@@ -91,14 +91,14 @@ def test_no_optimum_is_looked_for_where_targets_move():
     assert best(BARGE, 1) == {"scene": "barge", "seconds": None}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["floor", "nmpc", "pd"])
 def test_the_barge_is_reached_past_the_point_above_the_wall(name: str):
     row = score(run(Case(BARGE, name)))
     assert (row["missed"], row["targets"], row["contact"]) == (0, 2, False)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_target_that_is_not_passed_is_missed():
     aside = replace(BARGE, targets=(BARGE.targets[1],))
     ran = run(Case(aside, "floor"))

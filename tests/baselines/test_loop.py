@@ -45,6 +45,7 @@ def test_a_person_has_no_linear_loop() -> None:
         analyse(registry.find("operator_experienced"))
 
 
+@pytest.mark.long
 def test_an_unstable_loop_is_said_with_its_margin(slewright: Command, tmp_path: Path) -> None:
     file = tmp_path / "loop.json"
     done = slewright("analyse", "parabola", "--gain", "parabola_speed_gain=12", "--json", file)

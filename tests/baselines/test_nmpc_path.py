@@ -119,7 +119,7 @@ def _nearest_planned(known: Scene, true: Scene, path: Path) -> float:
     return float(Field(true).planes(driver.foreseen()[:, rows])[0][:, :2].min())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_swings_less_and_is_quicker_than_feed_forward():
     rows = {name: score(run(Case(GAP, name))) for name in ("floor", "nmpc")}
     assert not any(row["contact"] or row["missed"] for row in rows.values())
@@ -136,7 +136,7 @@ def test_optimal_control_has_the_grab_where_it_is():
         np.testing.assert_allclose(there, pose.grab(angles[None], SIZES)[0], atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_optimum_is_quicker_than_any_run_and_a_wall_costs_time():
     found = best(GAP, 1)
     row = score(run(Case(GAP, "nmpc")))

@@ -135,6 +135,7 @@ def test_an_answer_is_given_recordings_and_model_only_and_the_truth_is_what_was_
         run_suite(Settings(11, "low", "servo", "none"), 1, out, again=True)
 
 
+@pytest.mark.long
 def test_an_interrupted_suite_keeps_what_it_has_and_goes_on(answers, tmp_path, capsys):
     out, figures = tmp_path / "suite", tmp_path / "figures.json"
     answers.stop = 2
@@ -199,6 +200,7 @@ def test_a_workflow_that_fails_abstains_and_is_tried_again(answers, monkeypatch,
     assert (result["result"], result["workflow_failed"]) == ("exact", "")
 
 
+@pytest.mark.long
 def test_a_child_is_timed_sees_little_of_the_environment_and_is_ended_when_it_hangs(tmp_path, monkeypatch):
     monkeypatch.setenv("SECRET_PLACE", "here")
     text = "import os, sys; sum(range(10**6)); sys.exit(7 if 'SECRET_PLACE' in os.environ else 5)"

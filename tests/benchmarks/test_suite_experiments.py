@@ -85,6 +85,7 @@ def test_an_ambiguous_case_is_driven_as_proposed_and_answered_again_once(workflo
     assert len(workflow.calls) == 2  # it is done
 
 
+@pytest.mark.long
 def test_an_experiment_that_was_left_out_or_failed_is_made_up_for_by_the_next_go(workflow, tmp_path):
     out = tmp_path / "suite"
     command("--cases", 1, "--seed", 6251, "--out", out, *QUIET, "--no-experiments")

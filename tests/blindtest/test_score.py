@@ -68,6 +68,7 @@ def test_a_truth_that_was_changed_is_refused(tmp_path):
         read_truth(path, "0" * 64)
 
 
+@pytest.mark.long
 def test_the_exact_identity_of_asymmetric_friction_is_found():
     drawn = _with_friction_and_load()
     sets = [set(names) for names in equivalents(drawn)]

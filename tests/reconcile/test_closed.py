@@ -74,6 +74,7 @@ def rms(path: Path, measured: Measurement) -> dict[str, float]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("truth", "named", "parameter", "value"),
     [

@@ -96,6 +96,7 @@ def test_where_a_free_axis_begins_is_no_bias_and_one_of_the_speed_is(fmu, record
     assert hidden["sensor_bias"] == "where output position begins is free, and a bias of it looks the same"
 
 
+@pytest.mark.long
 def test_an_output_that_the_fmu_holds_is_not_free_and_its_bias_is_named(tmp_path):
     box = Box(built(tmp_path / "rig", HELD))
     runs = runs_of(
@@ -195,6 +196,7 @@ def test_where_no_parameter_was_fitted_nothing_is_said_to_be_reestimated(tmp_pat
     assert figures["where"][0]["regime"].split(",")[0].replace("<", "&lt;") in text
 
 
+@pytest.mark.long
 def test_what_was_considered_is_in_the_form_of_an_open_report(fmu):
     box = Box(fmu)
     figures = examine(box, runs_of(record(Truth(inputs=dead_zone(1.0)), SHORT, 4), box, "a"))[0]

@@ -116,6 +116,7 @@ def test_shapes_stay_within_the_range_and_begin_and_end_at_rest():
         assert of_dict(json.loads(json.dumps(chosen.as_dict()))) == chosen
 
 
+@pytest.mark.long
 def test_what_tells_two_sensors_apart_does_so_by_about_the_margin_predicted(lags, proposed):
     figures = proposed.figures
     assert figures["separable"]
@@ -152,6 +153,7 @@ def test_the_loop_is_closed_with_nothing_but_the_first_report_and_the_new_record
     assert found["achieved_margin"] == pair["achieved_margin"] > NEEDED
 
 
+@pytest.mark.long
 def test_a_simple_effect_needs_no_margin_over_the_general_one_that_includes_it(rig):
     truth = Truth(static=(0.9, 0.8), kinetic=lambda v: 0.9 if v > 0 else -0.8)
     doubt = Doubt(rig, truth, ("asymmetric_coulomb_friction", "coulomb_friction"), 8.0)
@@ -191,6 +193,7 @@ def test_stated_limits_of_outputs_open_a_wider_range(lags):
     assert wide.excess(chosen, motion) < 1.0 < narrow.excess(chosen, motion)
 
 
+@pytest.mark.long
 def test_a_bias_and_a_drift_are_told_apart_by_a_longer_run(rig):
     doubt = Doubt(
         rig,

@@ -105,6 +105,7 @@ def test_recordings_are_set_right_and_fit_as_those_without_an_offset(rig, case, 
     assert right[0].notes[-1] == note
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("friction", [0.0, 0.8])
 def test_a_force_that_varies_between_its_samples_is_no_effect(rig, friction):
     figures, _ = workflow.examine(rig, told(rig, CURVE, friction))

@@ -41,6 +41,7 @@ def gyro(zero: float) -> dict[str, np.ndarray]:
     return {"time [s]": step * np.arange(len(rates)), "gyro [rad/s]": np.array(rates) + zero + noise}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("zero", [-1.3, 0.0])
 def test_a_zero_that_is_far_off_is_named_and_none_where_there_is_none(tmp_path: Path, zero: float):
     (tmp_path / "model").mkdir()

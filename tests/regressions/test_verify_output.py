@@ -13,6 +13,7 @@ from records.record import read
 from tests.verification.test_verify import ONE
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
 @pytest.mark.parametrize("wait_s", [0.0, 0.3, 0.6])
 def test_ctrl_c_while_the_processes_start_shows_no_traceback(

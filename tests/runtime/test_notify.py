@@ -76,6 +76,7 @@ def test_without_a_service_manager_nothing_is_said() -> None:
     told.close()
 
 
+@pytest.mark.long
 def test_the_runtime_says_when_it_works_and_when_it_ends(
     machine: Path,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,

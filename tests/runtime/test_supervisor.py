@@ -44,6 +44,7 @@ def machine(tmp_path: Path) -> Iterator[Path]:
     sockets.rmdir()
 
 
+@pytest.mark.long
 def test_it_runs_ends_and_leaves_whole_files_and_shows_what_it_lacks(machine: Path, monkeypatch):
     seen: list[Counts] = []
     monkeypatch.chdir(machine.parent)
@@ -63,6 +64,7 @@ def test_it_runs_ends_and_leaves_whole_files_and_shows_what_it_lacks(machine: Pa
     assert not folder.exists()
 
 
+@pytest.mark.long
 def test_a_killed_helper_comes_back_and_a_killed_control_process_does_not(machine: Path):
     with Supervisor(machine) as supervisor:
         until(lambda: supervisor.watch() is None and supervisor.now().ticks > 0)
@@ -93,6 +95,7 @@ def test_a_run_that_is_ended_before_its_first_cycle_says_so_and_interrupts_nobod
         _ended(supervisor, lambda _: None)
 
 
+@pytest.mark.long
 def test_a_fault_that_was_kept_is_latched_from_the_first_cycle_on(machine: Path):
     names = Retaining(folder=machine.parent / "kept").signals
     (machine.parent / "kept").mkdir()
@@ -107,6 +110,7 @@ def test_a_fault_that_was_kept_is_latched_from_the_first_cycle_on(machine: Path)
     assert "load_estimate" not in values
 
 
+@pytest.mark.long
 def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(machine: Path, capfd):
     """Nothing of the second reaches the bus; one that sends all the same stops the first."""
     elsewhere = machine.parent / "second"
@@ -130,6 +134,7 @@ def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(m
         intruder.shutdown()
 
 
+@pytest.mark.long
 def test_a_bus_that_went_away_and_came_back_is_said_and_clears_no_fault(tmp_path: Path, capfd):
     sockets = private_folder("slewright-test-")
     with socket.create_server(("127.0.0.1", 0)) as free:

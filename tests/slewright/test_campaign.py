@@ -24,6 +24,7 @@ start_s = 0.05
 """
 
 
+@pytest.mark.long
 def test_a_campaign_from_plan_to_page(tmp_path: Path, slewright: Slewright) -> None:
     write_ssp(tmp_path, OSCILLATOR, ["position", "speed"])
     plan, out, figures = tmp_path / "p.toml", tmp_path / "out", tmp_path / "f.json"

@@ -67,6 +67,7 @@ def await_cycles(address: str) -> None:
     raise AssertionError("no cycle was shown")
 
 
+@pytest.mark.long
 def test_run_says_where_its_page_is_and_its_tokens(configuration: tuple[Path, int]) -> None:
     path, port = configuration
     with Terminal("run", "--config", path, "--hmi", cwd=path.parent) as terminal:
@@ -85,6 +86,7 @@ def test_run_says_where_its_page_is_and_its_tokens(configuration: tuple[Path, in
         post(page, token=token, name="Ada")
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_commissioning_with_a_record(configuration: tuple[Path, int], tmp_path: Path) -> None:
     path, _ = configuration
     told = ("commission", "--config", path, "--out", tmp_path / "records", "--who", "Ada")

@@ -27,6 +27,7 @@ class Stepped:
         return {name: float(self.model.outputs()[name]) for name in COMMANDS}
 
 
+@pytest.mark.long
 def test_it_makes_the_record_that_the_same_controller_as_fmu_makes(tmp_path):
     python = verify_python("pd", Stepped, [SCENARIO], out=tmp_path / "python")
     folder = model_folders()["pd"]

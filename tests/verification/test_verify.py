@@ -42,6 +42,7 @@ def verified(
     return out, subprocess.run(line, cwd=root, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 def test_writes_figures_records_and_report(verified: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     out, done = verified
     assert done.returncode in (0, 1), done.stderr
@@ -68,6 +69,7 @@ def test_writes_figures_records_and_report(verified: tuple[Path, subprocess.Comp
     assert stored["controllers"] == figures["controllers"]
 
 
+@pytest.mark.long
 @pytest.mark.browser
 def test_report_is_drawn_in_a_browser(
     verified: tuple[Path, subprocess.CompletedProcess[str]], browser: str, tmp_path: Path
@@ -199,6 +201,7 @@ told_kg = 0.0
 """
 
 
+@pytest.mark.long
 def test_a_target_file_of_the_user_runs(slewright: Command, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(TARGET_FILE.replace("RADIUS", "10.0"))
     line = ("--scenario", tmp_path / "mine.toml", "--system", "nominal", "--out", tmp_path / "o")
@@ -221,6 +224,7 @@ value = 0.0
 """
 
 
+@pytest.mark.long
 def test_faults_and_changed_parameters_of_a_target_file_are_in_the_run(
     slewright: Command, tmp_path: Path
 ) -> None:

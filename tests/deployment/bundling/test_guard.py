@@ -59,6 +59,7 @@ def test_an_upright_half_space_reaches_everywhere_behind_it() -> None:
     assert not wall.sectors[guard.SECTORS // 2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("up", [1.0, -1.0])
 def test_a_level_half_space_reaches_all_around(up: float) -> None:
     level = guard.zones(of(HalfSpace(name="roof", point=(0.0, 0.0, 15.0 * up), normal=(0.0, 0.0, -up))))

@@ -51,6 +51,7 @@ def bench_of(machine: SimulatedMachine, operator: SimulatedOperator, points: tup
     return Bench(rig, operator, points=points)
 
 
+@pytest.mark.long
 def test_the_reference_machine_passes_and_its_record_has_offsets_with_intervals(tmp_path: Path):
     with SimulatedMachine() as machine:
         bench = bench_of(machine, SimulatedOperator(machine))
@@ -82,6 +83,7 @@ def test_an_encoder_that_shows_too_much_is_found_by_the_points():
     assert failed.startswith("q_boom: offset less its zero at rest: measured 0.0")
 
 
+@pytest.mark.long
 def test_a_point_that_was_not_the_one_is_named():
     with SimulatedMachine() as machine:
         bench = bench_of(machine, Elsewhere(machine), KNOWN)

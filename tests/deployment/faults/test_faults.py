@@ -38,6 +38,7 @@ def test_every_fault_is_caught_within_its_limit():
         assert (outcome.injected, outcome.caught) == (2, 2)
 
 
+@pytest.mark.long
 def test_every_fault_of_an_fmu_is_caught_and_an_fmu_that_is_well_is_none(monkeypatch: pytest.MonkeyPatch):
     for outcome in run(built("pd").folder, list(FMU), 2, 3, quiet):
         assert outcome.injected == 2

@@ -21,6 +21,7 @@ from tests.runtime.bundles import built
 SCENARIO = load_scenario("four_targets_empty")
 
 
+@pytest.mark.long
 def test_a_few_seconds_over_can_and_modbus_and_their_replay():
     """The machine turns as in lock-step; every tick of it repeats bit for bit."""
     bundle = built("pd")

@@ -263,6 +263,7 @@ def test_check_shows_the_terminals_of_the_bus(packed: Mapping[str, Path], tmp_pa
     assert [t["name"] for t in components["bus"]["terminals"]] == ["Node1", "Node2"]
 
 
+@pytest.mark.long
 def test_bundle_writes_valid_fmus(tmp_path: Path) -> None:
     controller, whole = tmp_path / "pd.fmu", tmp_path / "pd.ssp"
     out = ["--out", str(tmp_path / "pd.bundle")]

@@ -23,7 +23,7 @@ folder = "{name}"
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_process_says_nothing_on_the_bus(slewright: Command, tmp_path: Path):
     """Without --shadow the same configuration does speak, so that the count can fail."""
     sockets = private_folder("slewright-bus-")

@@ -50,6 +50,7 @@ def test_suspension_acceleration_has_the_stated_signs() -> None:
         assert sign * run[f"true_q_{angle}"][-1] > 0.02
 
 
+@pytest.mark.long
 def test_halving_the_step_does_not_move_a_controlled_run() -> None:
     """Slew to 90° and move the arm under proportional control: far below the metrics' tolerances."""
     runs = [_controlled(step) for step in (MODEL.step, MODEL.step / 2)]

@@ -145,6 +145,7 @@ def odd(folder: Path, output: str, value: str) -> Path:
     return folder / "odd.fmu"
 
 
+@pytest.mark.long
 def test_booleans_bounds_and_large_arrays(tmp_path: Path) -> None:
     built = odd(tmp_path, "np.zeros(400_000)", "np.arange(400_000.0)")
     record = simulate(load_system(built, 0.1), 3, record=["is_bool"])

@@ -17,6 +17,7 @@ from tests.conftest import Command as Cli
 from tests.learning.collection.pilots import Always
 
 
+@pytest.mark.long
 def test_every_recording_is_there_with_its_split_and_length(collected, plan):
     manifest = json.loads((collected / MANIFEST).read_text())
     assert manifest["minutes"] == {split: pytest.approx(plan.minutes(split), abs=1e-6) for split in SPLITS}

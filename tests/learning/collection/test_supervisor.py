@@ -96,6 +96,7 @@ def test_outside_the_limits_the_arm_may_still_come_back():
     assert supervise(Command(0.0, 0.1, 0.0), seen, 0.0, State(), LIMITS)[0].qd_boom_ref == 0.0
 
 
+@pytest.mark.long
 @example(
     delay=8, wanted=[(1.0, 0.0)] * 13 + [(0.16, 0.0), (-0.13, 0.0)] + [(0.0, 0.0)] * 7 + [(1.0, 0.0)] * 9
 )

@@ -34,6 +34,7 @@ def test_tuning_finds_gains_that_reach_every_target(monkeypatch):
     assert tuning.tune(Lag(), [], 1) == found  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_the_closed_loop_is_tuned_on_a_model_of_the_other_parts(collected, plan, tmp_path, monkeypatch):
     pytest.importorskip("torch")
     for name, value in (("EPOCHS", 1), ("UNROLL", 2), ("UNROLL_EPOCHS", 1)):

@@ -113,6 +113,7 @@ def test_without_closed_loop_leaves_those_recordings_out() -> None:
     assert len(data.training()) == 2
 
 
+@pytest.mark.long
 def test_what_was_trained_before_an_interruption_is_not_trained_again(tmp_path: Path) -> None:
     """What was kept is taken, also where DATA cannot be trained on; what is damaged is made anew."""
     kept = pickle.dumps(outcome("proposed", 1, [1.0, 2.0, 3.0]))

@@ -58,6 +58,7 @@ def test_a_curve_in_place_of_the_line():
     np.testing.assert_allclose(found, 0.8 * np.array([0, 0, 0.27, 0.27 + 0.54, 0.81 + 0.18]), atol=1e-12)
 
 
+@pytest.mark.long
 def test_recovers_what_it_was_made_with():
     noise = np.random.default_rng(2)
     made = [_recording(TRUE, _joystick(600, seed)) for seed in range(4)]

@@ -111,6 +111,7 @@ def test_tells_late_speeds_from_others(recordings):
     assert grey_box.sensor_delay(steps) == 0.0
 
 
+@pytest.mark.long
 def test_recovers_changed_parameters(recordings, monkeypatch):
     """To a few percent of the change where the prior hardly counts: it is what draws 20 windows back."""
     monkeypatch.setattr(slew_fit, "PRIOR_WEIGHT", 0.02)
@@ -120,6 +121,7 @@ def test_recovers_changed_parameters(recordings, monkeypatch):
     assert found.values[grey_box.SENSOR_DELAY] == pytest.approx(0.2, abs=0.005)
 
 
+@pytest.mark.long
 def test_the_refitted_model_predicts_what_it_was_not_fitted_to(recordings):
     found = grey_box.fit(recordings, count=20, evaluations=12)
     fresh = windows([_recording(CHANGED, 11, 0.2, 5e5)], 20, 100, 10)

@@ -73,6 +73,7 @@ def test_no_prediction_knows_the_future(name: str) -> None:
     assert np.array_equal(roll_out(pair, WINDOWS), roll_out(pair, replace(WINDOWS, **changed)))
 
 
+@pytest.mark.long
 def test_training_learns_and_repeats_itself() -> None:
     chosen = replace(recipe("proposed", tiny=True), epochs=6, batch=128)
     before = score(predictor(plain(untrained(chosen))), WINDOWS)

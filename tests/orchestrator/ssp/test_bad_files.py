@@ -395,6 +395,7 @@ def test_results_do_not_replace_what_is_read_nor_devices(tmp_path: Path, slewrig
     assert "states no stop time; give one with --stop" in done.stderr
 
 
+@pytest.mark.long
 def test_ctrl_c_is_heard_in_a_slow_paced_run(tmp_path: Path) -> None:
     path, out = write_ssp(tmp_path, OSCILLATOR, NAMES), tmp_path / "r.parquet"
     command = [sys.executable, "-m", "slewright", "simulate", str(path), "--out", str(out)]

@@ -158,6 +158,7 @@ def test_a_gain_that_turns_its_sign_is_said_unless_it_was_a_guess(tmp_path: Path
     assert ("instead of -1: is the sign of a channel turned?" in figures["sentence"]) == asked
 
 
+@pytest.mark.long
 def test_a_parameter_at_its_limit_is_said(tmp_path: Path):
     text = ROTARY.replace("start=0.25, min=0.02, max=2", "start=0.25, min=0.24, max=2")
     own = checks.open_folder(str(folder(tmp_path / "model", text)))

@@ -52,6 +52,7 @@ def opened(browser, tmp_path_factory):
     return open_page(browser, page, folder / "profile", "--dump-dom")
 
 
+@pytest.mark.long
 def test_every_plot_draws_its_lines(opened):
     plots = Plots()
     plots.feed(re.sub(r"<script>.*?</script>", "", opened.stdout, flags=re.DOTALL))
@@ -77,6 +78,7 @@ def test_the_console_stays_empty(opened):
     assert [line for line in opened.stderr.splitlines() if "CONSOLE" in line] == []
 
 
+@pytest.mark.long
 def test_a_broken_page_would_be_noticed(browser, tmp_path):
     """The two tests above can fail: a figure that plotly refuses shows up in the console."""
     page = write_report(tmp_path / "report.html", runs(), verdicts(), CONTEXT)
@@ -89,6 +91,7 @@ def test_a_broken_page_would_be_noticed(browser, tmp_path):
     assert "data-drawn" not in broken.stdout.split("<script>")[0]
 
 
+@pytest.mark.long
 def test_it_prints(browser, tmp_path):
     page = write_report(tmp_path / "report.html", runs(), verdicts(), CONTEXT)
     printed = tmp_path / "report.pdf"

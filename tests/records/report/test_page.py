@@ -149,6 +149,7 @@ def test_the_same_runs_give_the_same_page(page):
     assert render(runs(), verdicts(), CONTEXT) == page
 
 
+@pytest.mark.long
 def test_faults_and_changed_parameters_of_a_run_are_shown():
     fault = {"target": "pi.q_<slew>", "kind": "bias", "start_s": 10.0, "end_s": 20.0, "value": 0.05}
     changes = {"1500": {"machine.load_mass": 0.0}}

@@ -20,6 +20,7 @@ from tests.runtime.test_supervisor import machine
 __all__ = ["machine"]  # the fixture
 
 
+@pytest.mark.long
 def test_a_signed_bundle_is_good_once_it_has_run(machine: Path, monkeypatch: pytest.MonkeyPatch):
     """Out of a store, and marked there as one to go back to; its key is in the recording."""
     monkeypatch.setattr("runtime.supervisor.PROVEN_TICKS", 50)

@@ -188,6 +188,7 @@ def test_a_second_bus_at_the_same_place_is_refused(path: Path) -> None:
         start_bus(path.parent / ("x" * 120))
 
 
+@pytest.mark.long
 def test_a_serial_adapter(tmp_path: Path) -> None:
     """SLCAN over a pseudo terminal, whose other end plays the adapter."""
     pytest.importorskip("serial", reason="pyserial is not installed")

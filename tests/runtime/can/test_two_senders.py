@@ -52,6 +52,7 @@ def test_a_second_sender_shows_whatever_its_counter_and_rate(ahead: int, rate: i
     assert forged <= 5
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(st.sets(st.integers(0, 60), max_size=4), st.sampled_from(["restart", "twice", "lost", "damaged"]))
 def test_one_sender_is_never_two(moments: set[int], what: str) -> None:

@@ -136,6 +136,7 @@ def test_zeros_come_from_the_bundles_commissioning_record(tmp_path: Path):
         zeros(tmp_path)
 
 
+@pytest.mark.long
 def test_the_command_writes_and_reads_files(slewright: Command, tmp_path: Path):
     assert slewright("canopen", "dcf", "--out", tmp_path).returncode == 0
     figures = tmp_path / "found.json"

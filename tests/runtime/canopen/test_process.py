@@ -30,6 +30,7 @@ def by_hand(master: Master, **changes: int) -> ByHand:
     return made
 
 
+@pytest.mark.long
 def test_an_encoder_made_of_bytes_is_set_up_and_set_up_again_when_it_comes_back(master: Master):
     device = by_hand(master)
     first = until(lambda: master.accepted()["encoder_slew"])

@@ -42,6 +42,7 @@ def wall(slew_deg: float, radius_m: float = 10.0) -> Scene:
     return Scene(name="walled", description="a wall", start=HERE, targets=(HERE,), things=(box,))
 
 
+@pytest.mark.long
 def test_the_code_is_what_the_header_says(guard: Guard) -> None:
     form.check_all(guard, 40)
 

@@ -175,7 +175,7 @@ def compiled(tmp_path: Path, extra: list[str], controller: str = "pi") -> Path:
         pytest.skip(f"this compiler cannot: {str(missing).splitlines()[-1]}")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("wild", [pytest.param(0.0, marks=pytest.mark.soak), 0.02])
 def test_sanitizers_find_nothing(wild: float, tmp_path: Path) -> None:
     """Address and undefined-behaviour sanitizers over the whole core, also on inputs of any bits."""
@@ -186,7 +186,7 @@ def test_sanitizers_find_nothing(wild: float, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:].decode()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_line_of_the_hand_written_core_is_executed(tmp_path: Path) -> None:
     if shutil.which("gcov") is None:
         pytest.skip("gcov is not installed")

@@ -28,6 +28,7 @@ def served(tmp_path: Path):
         yield found
 
 
+@pytest.mark.long
 def test_what_the_guard_of_the_bundle_keeps_off_is_shown(tmp_path: Path):
     text = json.dumps(scene_text.plain(scene.load("truck")))
     (tmp_path / "bundle").mkdir()

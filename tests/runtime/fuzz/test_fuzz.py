@@ -42,7 +42,7 @@ def test_ten_minutes_without_a_new_edge() -> None:
     assert not session.problems, session.problems[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sanitizers_find_nothing_in_the_cases_kept() -> None:
     with ExitStack() as stack:
         try:

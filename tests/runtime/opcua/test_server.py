@@ -118,6 +118,7 @@ def target(served: Beside, name: str) -> tuple[float, int]:
     return float(served.inputs["value"][place]), int(served.inputs["status"][place])
 
 
+@pytest.mark.long
 def test_values_units_ranges_and_quality_of_every_signal(served: Beside, papers: dict[str, Any]):
     async def look() -> None:
         images = drawn(1)

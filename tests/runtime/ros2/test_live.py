@@ -128,6 +128,7 @@ def test_a_late_subscriber_gets_every_line_that_is_kept():
     assert said == ["b", "c", "d", "e"]
 
 
+@pytest.mark.long
 def test_a_publisher_commands_until_it_is_silent_and_nobody_displaces_it(run: tuple[Beside, Peer]):
     served, peer = run
     first, second = peer.publisher(COMMAND, ros2.TARGET), Peer(peer.domain).publisher(COMMAND, ros2.TARGET)
@@ -182,6 +183,7 @@ def test_another_type_or_version_is_refused_and_told(run: tuple[Beside, Peer]):
     assert other
 
 
+@pytest.mark.long
 def test_a_flood_neither_stops_the_process_nor_displaces_the_planner(run: tuple[Beside, Peer]):
     served, peer = run
     first, flood = peer.publisher(COMMAND, ros2.TARGET), Peer(peer.domain).publisher(COMMAND, ros2.TARGET)

@@ -23,6 +23,7 @@ def test_every_socket_is_bound_to_the_loopback_device():
     assert open_to_others() == []
 
 
+@pytest.mark.long
 def test_no_dds_packet_is_on_another_interface():
     there = [name for _, name in socket.if_nameindex() if name != "lo"]
     others = [n for n in there if Path(f"/sys/class/net/{n}/operstate").read_text().strip() == "up"]

@@ -124,6 +124,7 @@ def test_what_is_wrong_or_stale_does_not_count(
     until(lambda: u(served) == (0.5, Status.OK), lambda: ticks(served, 5, policy.send))  # and it goes on
 
 
+@pytest.mark.long
 def test_a_heartbeat_that_stands_still_is_a_loss(run: tuple[Beside, int]):
     served, domain = run
     policy = Policy(domain)

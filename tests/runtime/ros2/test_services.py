@@ -129,6 +129,7 @@ def test_parameters_are_read_and_not_set(run: tuple[Beside, Peer]):
     assert get(served, ["pd_gain"]).values[0].double_value == 1.5
 
 
+@pytest.mark.long
 def test_mode_is_told_enabling_refused_and_a_stop_ends_who_commands(run: tuple[Beside, Peer]):
     served, peer = run
     modes = {text: n for n, text in OUTPUT.signals[OUTPUT.at("control_mode")].values.items()}

@@ -51,6 +51,7 @@ def apart(*policies: Any) -> Any:
     return Qos(*(p for p in qos(ros2.TARGET, hashed=False) if not isinstance(p, kinds)), *policies)
 
 
+@pytest.mark.long
 def test_a_publisher_of_which_dds_brings_nothing_is_told_with_the_reason(run: tuple[Beside, Peer]):
     from cyclonedds.idl import annotations, make_idl_struct
     from cyclonedds.qos import Policy

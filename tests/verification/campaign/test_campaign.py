@@ -68,6 +68,7 @@ def test_every_run_has_a_key_and_its_figures(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.long
 def test_a_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
     written(tmp_path, [1, 2])
     first = done(tmp_path)
@@ -241,7 +242,6 @@ def _resident_kb() -> int:
 
 
 @pytest.mark.long
-@pytest.mark.slow
 def test_a_dask_cluster_gives_the_same_results(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     written(tmp_path)

@@ -223,6 +223,7 @@ def fit_of_lag(slewright: Command, lag: tuple[Path, Path], file: Path, *names: s
     return json.loads(file.read_text())
 
 
+@pytest.mark.long
 def test_what_nothing_tells_stays_where_it_is(
     slewright_here: Command, lag: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -233,6 +234,7 @@ def test_what_nothing_tells_stays_where_it_is(
     assert found["starts_to_the_same"] == 3  # wherever `idle` ended
 
 
+@pytest.mark.long
 def test_of_a_product_neither_factor_is_told_without_noise_too(
     slewright_here: Command, lag: tuple[Path, Path], tmp_path: Path
 ) -> None:

@@ -76,7 +76,7 @@ def test_a_controller_answers_recorded_sensors_as_it_did_in_the_system():
     assert np.ptp(found) > 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_says_who_swings_where(slewright_here: Command, tmp_path):
     policy = SHIPPED.parent / "ppo.onnx"
     done = slewright_here("analyse", "pd", policy, "--plant", "nominal", "--json", tmp_path / "f.json")

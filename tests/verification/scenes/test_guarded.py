@@ -64,7 +64,7 @@ def test_where_nothing_is_near_every_bit_is_the_same(controller: str):
         assert np.array_equal(without.column(name), behind.column(name)), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_drives_each_controller_without_and_with_the_guard(tmp_path: Path):
     page, figures = tmp_path / "page.md", tmp_path / "f.json"
     page.write_text("<!-- guarded pole:begin -->\n<!-- guarded pole:end -->\n")
@@ -80,7 +80,7 @@ def test_the_command_drives_each_controller_without_and_with_the_guard(tmp_path:
     assert "\n| pd | 1 | 0 (≤" in page.read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_scene_in_which_nothing_is_to_be_turned_has_no_share_of_speed(tmp_path: Path):
     scene, figures = tmp_path / "ahead.toml", tmp_path / "f.json"
     place = "{ slew_deg = 0.0, radius_m = 9.5, height_m = 3.5 }"

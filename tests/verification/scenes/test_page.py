@@ -65,6 +65,7 @@ def test_a_markdown_page_has_the_tables_between_its_markers(tmp_path: Path):
     assert text.endswith("after\n")
 
 
+@pytest.mark.long
 @pytest.mark.browser
 def test_a_browser_draws_the_page(browser: str, tmp_path: Path):
     path = page.write(tmp_path / "scenes.html", [TRUCK], [ROW], TABLE)

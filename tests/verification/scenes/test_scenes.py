@@ -56,7 +56,7 @@ def test_a_moving_thing_is_where_its_path_has_it():
     assert distance(box, times=10.0) < 0 < distance(box, times=2.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_planned_path_is_driven_without_contact_where_driving_straight_meets_the_wall():
     planned = score(run(Case(TRUCK, "floor")))
     assert (planned["contact"], planned["missed"], planned["keep_out"]) == (False, 0, False)
@@ -97,7 +97,7 @@ def test_a_scene_without_a_way_is_reported_not_driven():
     assert summary([row])["without_plan"] == {"closed": row["reason"]}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_writes_its_figures_and_goes_on_where_it_was(tmp_path: Path):
     arguments = [
         "scenes",
