@@ -3,11 +3,10 @@
 from reconcile.catalogue.effect import Effect, Parameter, none
 
 NAME = "time_offset"
-EARLIEST, LATEST = 1.6, 0.6  # samples, a little above 1.5 and 0.5: what is later is a delay
+EARLIEST = 1.6  # samples, a little above 1.5
 
 
 def effect(period_s: float) -> Effect:
-    """Outputs early or late, by so many samples of a period at most."""
-    low, high = -EARLIEST * period_s, LATEST * period_s
-    delay = Parameter("delay", "s", none, amplitude=True, low=low, high=high)
+    """Outputs early, by so many samples of a period at most: those that are late have a delay."""
+    delay = Parameter("delay", "s", none, amplitude=True, low=-EARLIEST * period_s, high=0.0)
     return Effect(NAME, "output", "y'(t) = y(t − delay)", (delay,), None, "", delays=True)

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from reconcile.catalogue.offset import LATEST, NAME
+from reconcile.catalogue.offset import NAME
 from reconcile.equations.model import Attached, Folder
 from reconcile.filter.point import Point
 from reconcile.judging.answer import standard_errors
@@ -25,6 +25,7 @@ from reconcile.tolerances import LEAST_FLOOR, WORTH
 
 SURE = 3.0  # standard errors by which an offset may be beside a multiple of half a sample …
 NEAR, FAR = 0.05, 0.2  # … but at least, and at most, so much of half a sample
+SLIGHT = 0.08  # samples: a simulation's own, finer steps make delays as short
 DEGREES, PARTS = (1, 3, 0), (1, 2)  # of inputs that vary between their samples, or are held; of a step
 DELAYS = "input_delay", "sensor_delay"
 
@@ -67,14 +68,15 @@ def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
 
 
 def _is_offset(beam: Beam, key: frozenset[Attached], a: Attached) -> bool:
-    """Whether it is an offset, or a delay or lag as short as one, of an output or of the only input."""
+    """Whether it is an offset, or a delay or lag as an offset would be, of an output or of the only input."""
     if a.effect.name == NAME:
         return True
     several = a.effect.place == "input" and len(beam.core.folder.ports.controls) > 1
     late = a.effect.delays or any(n in DELAYS for n in a.effect.becomes)
     if not late or a.effect.clock or several or len(a.effect.parameters) > 1:
         return False
-    return _late(beam, key, a) <= LATEST * input_period(beam.core.runs)
+    period = input_period(beam.core.runs)
+    return _late(beam, key, a) <= SLIGHT * period or _rounded(beam, key, a) == 0.5 * period
 
 
 def _late(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
