@@ -19,6 +19,7 @@ from reconcile.judging import (
     mistaken,
     offsets,
     quantization,
+    remembered,
     untold,
     verdict as verdicts,
 )
@@ -169,16 +170,25 @@ def _searched(
     for _ in range(MOST_AGAIN):
         share, late = _best_share(beam), offsets.found(beam)
         quieter = share < 0.5 * beam.core.share and not beam.cut
-        if not quieter and not late:
+        lasting = None if quieter or late or beam.cut else remembered.likelier(beam)
+        if not quieter and not late and not lasting:
             break
         said(
-            " and ".join(["again", *["with less noise"] * quieter, *["without offsets in time"] * bool(late)])
+            " and ".join(
+                [
+                    "again",
+                    *["with less noise"] * quieter,
+                    *["without offsets in time"] * bool(late),
+                    *["with noise that lasts"] * bool(lasting),
+                ]
+            )
         )
         if late:
             given = offsets.set_right(folder, given, late)
         known = offsets.without(beam.foremost(), list(late))
-        before = None if late else beam
-        beam = Beam(Core(folder, split(*given), catalogue, share if quieter else beam.core.share), said)
+        before = beam if quieter and not late else None
+        share, lasts = share if quieter else beam.core.share, bool(beam.core.kalman.noisy)
+        beam = Beam(lasting or Core(folder, split(*given), catalogue, share, lasts), said)
         beam.search(known)
     for each in (beam, before) if before else (beam,):
         offsets.drop(each)
@@ -211,7 +221,8 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     if figures["verdict"] == "insufficient_excitation" and parameters:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
     alike = recorded_clocks.alike(answer.present, core.runs)
-    mended = [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(core.still)]
+    mended = remembered.notes(core, answer.point)
+    mended += [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(core.still)]
     found["nuisances"] = {
         r.name: row
         for r in core.runs

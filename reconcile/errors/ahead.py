@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.search.core import Core
 
@@ -32,7 +31,9 @@ def windows(core: Core, which: str, horizon: float) -> list[np.ndarray]:
 
 def noise(core: Core, point: Point) -> float:
     """Noise of the outputs in their spreads (rms)."""
-    return float(np.sqrt(np.mean([(point.values[NOISE + n] / core.spread[n]) ** 2 for n in core.outputs])))
+    return float(
+        np.sqrt(np.mean([(core.noise(point.values, n) / core.spread[n]) ** 2 for n in core.outputs]))
+    )
 
 
 def confirmed(core: Core, point: Point) -> float:
@@ -58,7 +59,7 @@ def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, fl
     if errors is None:
         return float("inf"), 0.0
     all_errors = np.concatenate(errors)
-    known = [(point.values[NOISE + n] / core.spread[n]) ** 2 for n in core.outputs]
+    known = [(core.noise(point.values, n) / core.spread[n]) ** 2 for n in core.outputs]
     count = max(int((~np.isnan(all_errors)).sum()), 1)
     return float(np.nansum(all_errors**2)) / count, float(np.sum(~np.isnan(all_errors) * known)) / count
 

@@ -1,7 +1,8 @@
 """The equations of an extended model as the filter steps them: inputs, motion, dry friction, sensors.
 
 Beside the model's inputs, `u` holds the time, the disturbances w, the length of a step and for every
-output by how much its sample is earlier than the step (s).
+output by how much its sample is earlier than the step (s).  The last disturbances are noise with a memory,
+which pushes nothing: it is added to what outputs show.
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,13 @@ class Stepped(Assembly):
     stops = True
     sensors_move = False  # whether memories of sensors move on now, or have done so already
 
-    def __init__(self, extended: Extended, outputs: Sequence[str], pushed_states: Sequence[str] = ()):
+    def __init__(
+        self,
+        extended: Extended,
+        outputs: Sequence[str],
+        pushed_states: Sequence[str] = (),
+        noisy: Sequence[str] = (),
+    ):
         super().__init__(extended)
         self.recorded = [self.model.index("outputs", n) for n in outputs]
         self.memories = [a for a in extended.attached if a.effect.place == "input" and a.effect.hidden]
@@ -32,10 +39,11 @@ class Stepped(Assembly):
         self.state_names = [n for n in extended.state_names if n not in names]
         self.shown = [a for a in extended.attached if a.effect.place == "output" and a.effect.hidden]
         self.pushed_states = tuple(pushed_states)
+        self.noisy = [list(outputs).index(n) for n in noisy]
         axes = extended.folder.ports.axes
         self.dt = ca.SX.sym("dt")
         self.early = ca.SX.sym("early", len(self.recorded))
-        self.more = ca.SX.sym("push", len(self.pushed_states))
+        self.more = ca.SX.sym("push", len(self.pushed_states) + len(self.noisy))
         # one by one: a slice beyond a vector of one element is a row
         pushes = [self.u[i] for i in range(extended.clock + 1, self.u.numel())]
         self.w = ca.vertcat(*pushes, self.more)
@@ -49,7 +57,7 @@ class Stepped(Assembly):
             *[self.x[extended.state_names.index(n)] for n in self.memory_names], ca.SX(0, 1)
         )
         self.w0, self.axes = extended.clock + 1, axes
-        self.dt_at = self.u.numel() + len(self.pushed_states)
+        self.dt_at = self.u.numel() + self.more.numel()
 
     @cached_property
     def stages(self) -> dict[str, ca.Function]:
@@ -111,6 +119,8 @@ class Stepped(Assembly):
         per = self.model.step if self.model.kind == "discrete" else 1.0
         for k, n in enumerate(self.pushed_states):
             rates[self.state_names.index(n)] += per * self.more[k]
+        for k, i in enumerate(self.noisy):
+            outputs[i] += self.more[len(self.pushed_states) + k]
         inputs = self._inputs()
         dry = ca.SX.zeros(2 * len(self.axes))
         for k, axis in enumerate(self.axes) if self.model.kind == "continuous" else ():

@@ -23,6 +23,7 @@ BY_SAMPLE = ("e", "s", "de", "ds")  # of these, what goes with samples and not w
 NOTHING = np.empty((0, 0))
 FOLLOWED = 4  # substeps, at least, where an effect of an input moves, or a gear closes, within a step
 NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
+REMEMBERED = "remembered noise of "  # an output: a disturbance of what it shows
 CREEP = "creep of "  # an axis: the speed by which its dry friction gives way at standstill
 STILL = 1e-30  # where nothing says so: it stops
 
@@ -58,7 +59,8 @@ class _Part:
 class Kalman:
     """Filters of one model: effects without hidden states all at once, others as they are asked for.
 
-    `places`: names of what the disturbances w push, axes first.
+    `places`: names of what the disturbances w push, axes first; `disturbed`: these, and the outputs among
+    `noisy`, whose noise has a memory.
     """
 
     def __init__(
@@ -67,13 +69,16 @@ class Kalman:
         candidates: Sequence[Attached],
         records: Sequence[Record],
         outputs: Sequence[str],
+        noisy: Sequence[str] = (),
     ):
+        self.noisy = tuple(noisy)
         self.folder, self.model, self.records = folder, folder.model, list(records)
         self.candidates, self.outputs = tuple(candidates), tuple(outputs)
         self.all_outputs = [v.name for v in self.model.outputs]
         self.pushed_states = self._pushed()
         self.whole = Extended(folder, self.candidates)
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
+        self.disturbed = self.places + [REMEMBERED + n for n in self.noisy]
         self.late = Late(self.whole, list(self.outputs))
         self.substeps = 1
         self.extra_s = 0.0  # all outputs are late by so much, beside what the parameters say
@@ -110,7 +115,7 @@ class Kalman:
         `windows` [n] of each: numbers of the stretches in which the model also runs by itself, without
         disturbance, from the filtered state (0: none).  `states`: what the filter knows of them by then,
         `smooth`: what all of the recording tells of them.  `own`: by equations of these effects alone.
-        `by_noise`: slopes of sigma, 1/tau, white [places, K] and variances [outputs, K] by K of the noise.
+        `by_noise`: slopes of sigma, 1/tau, white [disturbed, K] and variances [outputs, K] by K of the noise.
         """
         part = self._part(present, own)
         names, index = part.extended.parameter_names, self.whole.index
@@ -119,9 +124,9 @@ class Kalman:
         active = self._active(part, present)
         given = {
             "p": p,
-            "sigma": np.array([values[SIGMA + n] for n in self.places]),
-            "keep": np.array([1.0 / values[TAU + n] for n in self.places]),
-            "white": np.array([values[WHITE + n] for n in self.places]),
+            "sigma": np.array([values[SIGMA + n] for n in self.disturbed]),
+            "keep": np.array([1.0 / values[TAU + n] for n in self.disturbed]),
+            "white": np.array([values.get(WHITE + n, 0.0) for n in self.disturbed]),
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
             "creep": np.array([values.get(CREEP + a.name, STILL) for a in self.folder.ports.axes]),
         }
@@ -227,7 +232,7 @@ class Kalman:
         if key not in self._parts:
             attached = [a for a in self.candidates if a in kept or a.effect.delays]
             extended = Extended(self.folder, attached)
-            stepped = Stepped(extended, self.outputs, self.pushed_states)
+            stepped = Stepped(extended, self.outputs, self.pushed_states, self.noisy)
             library = Library(stepped)
             index = np.array([self.whole.index[n] for n in extended.parameter_names])
             self._parts[key] = _Part(library, extended, index)
@@ -272,7 +277,7 @@ class Kalman:
             after = self.model.kind == "discrete" and self.substeps == 1
             seen = [record.output(n, late_out[n], after) for n in self.outputs]
             at = np.column_stack([record.moved(n, late_out[n], after) for n in self.outputs])
-            pushes = np.zeros((len(self.places), len(time)))
+            pushes = np.zeros((len(self.disturbed), len(time)))
             lengths = np.diff(time, append=record.time[-1] + record.steps[-1])
             first = np.searchsorted(step, np.arange(len(record.time)))
             y, early = np.full((len(time), len(seen)), np.nan), np.zeros((len(time), len(seen)))

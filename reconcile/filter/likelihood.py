@@ -75,7 +75,7 @@ class Likelihood:
         self, values: Values, present: Sequence[Attached], free: Sequence[Free], own: bool
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """The same by parameters of the noise, all in one run: they move no equation."""
-        places, outputs = self.kalman.places, list(self.kalman.outputs)
+        places, outputs = self.kalman.disturbed, list(self.kalman.outputs)
         by = [np.zeros((len(rows), len(free))) for rows in (places, places, places, outputs)]
         forms = ((SIGMA, places, 1), (TAU, places, -1), (WHITE, places, 1), (NOISE, outputs, 2))
         for k, f in enumerate(free):

@@ -40,7 +40,8 @@ class Beam(Sets):
         """Fit sets that may be the best one; `known`: those of a search with another noise, tried as well."""
         for point in known:
             own = effects(point.values, point.present)
-            self.fit(frozenset(point.present), point.present, [point.values], fresh=own)
+            begun = [self.core.values | point.values]
+            self.fit(frozenset(point.present), point.present, begun, fresh=own)
         zeros = self._zeros()
         self._grow([frozenset()], 0)
         if zeros:

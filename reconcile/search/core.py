@@ -14,7 +14,7 @@ from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.equations.ports import Axis
 from reconcile.equations.reach import Reach
 from reconcile.filter.fit import Fitter
-from reconcile.filter.kalman import CREEP, NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.kalman import CREEP, NOISE, NOISES, REMEMBERED, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.recordings.data import Parts, Run, still
@@ -41,6 +41,7 @@ QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 # of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
 CREEPS = (1e-7, 3e-4, 0.1)
 LOUDER = 3.0  # times the disturbance of the model without effects: a fit on its way may need more than that
+OF_MEMORY = 0.5  # of the time in which the outputs forget, that their noise may last
 CLOSING = 0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its gap
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
 # where effects are looked for, since one that remembers long takes over what is constant
@@ -51,8 +52,15 @@ class Core:
     """A folder against its recordings."""
 
     def __init__(
-        self, folder: Folder, parts: Parts, catalogue: Sequence[Effect] = ALL, floor: float = OUTPUT_FLOOR
+        self,
+        folder: Folder,
+        parts: Parts,
+        catalogue: Sequence[Effect] = ALL,
+        floor: float = OUTPUT_FLOOR,
+        remembered: bool = False,
     ):
+        """`remembered`: noise of the outputs may have a memory."""
+        self.given = folder, parts, catalogue, floor
         self.share = floor  # of an output's spread: its least noise
         self.folder, self.model, self.parts = folder, folder.model, parts
         blocks = {"fit": parts.fit, "confirm": parts.confirm, "holdout": parts.holdout}
@@ -69,7 +77,8 @@ class Core:
         self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
-        self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)
+        noisy = self.outputs if remembered else ()
+        self.kalman = Kalman(folder, self.candidates, self.records, self.outputs, noisy)
         self.scored = {
             w: [getattr(r, w) & (np.arange(len(r.time)) >= self._begun(r)) for r in self.records]
             for w in blocks
@@ -155,6 +164,8 @@ class Core:
             step = max(quantum(r.outputs[n].values) for r in self.runs)
             self.floor[n] = max(self.floor[n], step / np.sqrt(12.0))
             values[NOISE + n] = max(seen, self.floor[n])
+        for n in kalman.noisy:
+            values |= {SIGMA + REMEMBERED + n: values[NOISE + n], TAU + REMEMBERED + n: 5.0 * self.period}
         self.fitter.noise = np.array([values[NOISE + n] for n in self.outputs])
         return values
 
@@ -204,6 +215,10 @@ class Core:
     def disturbances(self, values: Values) -> dict[str, float]:
         """By place the size of the disturbance, as a share of the forces there."""
         return {p: values[SIGMA + p] / self.force_size(p) for p in self.kalman.places}
+
+    def noise(self, values: Values, output: str) -> float:
+        """Deviation of an output's noise, with what of it has a memory."""
+        return float(np.hypot(values[NOISE + output], values.get(SIGMA + REMEMBERED + output, 0.0)))
 
     @property
     def fresh(self) -> Values:
@@ -374,6 +389,13 @@ class Core:
         for n in self.outputs:
             start = max(self.values[NOISE + n], self.floor[n])
             found.append(Free(NOISE + n, start, 1.0, True, self.floor[n], self.spread[n]))
+        for n in self.kalman.noisy:  # shorter than the motion's memory, else it takes up what effects do
+            size, least = self.values[NOISE + n], 2.0 * self.period
+            longest = max(OF_MEMORY * self.memory_s, 4.0 * least)
+            found += [
+                Free(SIGMA + REMEMBERED + n, size, 1.5, True, 0.01 * size, self.spread[n]),
+                Free(TAU + REMEMBERED + n, 5.0 * self.period, 1.0, True, least, longest),
+            ]
         return found
 
     def free_of(self, *effects: Attached) -> list[Free]:

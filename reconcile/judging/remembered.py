@@ -1,0 +1,35 @@
+"""Noise of sensors that has a memory: a camera's, a filtered speed's, a range finder's.
+
+The filter knows white noise of outputs and forces with a memory.  Noise that lasts for some samples would be
+taken for a force, which then stands for small, steady effects as well: they gain nothing any more.
+"""
+
+from reconcile.filter.kalman import REMEMBERED, SIGMA, TAU
+from reconcile.filter.point import Point
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.sets import LONG
+from reconcile.tolerances import INPUT_GAIN
+
+LEFT = 1e-3  # of the forces at a place: a disturbance that is smaller hides nothing
+
+
+def likelier(beam: Beam) -> Core | None:
+    """The beam's ground with noise that has a memory, where the best set is likelier with it."""
+    core, point = beam.core, beam.points[beam.ranked()[0]]
+    if core.kalman.noisy or max(core.disturbances(point.values).values(), default=0.0) < LEFT:
+        return None
+    other = Core(*core.given, remembered=True)
+    free = [*other.base_free, *other.noise_free, *other.free_of(*point.present)]
+    found = other.fitter.fit(other.base.values | point.values, point.present, free, LONG, own=True)
+    return other if found and found.total < point.total - INPUT_GAIN else None
+
+
+def notes(core: Core, point: Point) -> list[str]:
+    """What of the outputs' noise has a memory, in words; nothing where that is little."""
+    values, units = point.values, {v.name: v.unit for v in core.model.outputs}
+    large = [n for n in core.kalman.noisy if values[SIGMA + REMEMBERED + n] > core.floor[n]]
+    return [
+        f"noise of {n}: {values[SIGMA + REMEMBERED + n]:.3g} {units[n]} of it last {values[TAU + REMEMBERED + n]:.3g} s"
+        for n in large
+    ]
