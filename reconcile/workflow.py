@@ -15,6 +15,7 @@ from reconcile.experiment import plan
 from reconcile.filter.point import Point
 from reconcile.judging import (
     clocks as recorded_clocks,
+    combined,
     inputs,
     mistaken,
     offsets,
@@ -220,6 +221,8 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {"untold": untold.untold(core.folder, core.runs), "unseen": parameters}
     if figures["verdict"] == "insufficient_excitation" and parameters:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
+    elif groups := combined.combined(core):
+        found["sentence"] = figures["sentence"] + combined.sentence(groups)
     alike = recorded_clocks.alike(answer.present, core.runs)
     mended = remembered.notes(core, answer.point)
     mended += [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(core.still)]

@@ -25,7 +25,8 @@ class Scales:
     `u`: largest of the input; `v`, `q`, `f`: of speed, position and force at a force port (f: inertia times
     acceleration); `drive`: of the force of inputs there; `y`: of the output; `p`, `d`: of pressure difference
     and demand at a hydraulic port; `period_s`: sample period; `memory_s`: time over which the outputs forget
-    where they were.  All > 0, but `drive` may be 0.
+    where they were; `step`: of an output's numbers, 0 if they have none.  All > 0, but `drive` and `step` may
+    be 0.
     """
 
     u: float = 1.0
@@ -34,6 +35,7 @@ class Scales:
     f: float = 1.0
     drive: float = 0.0
     y: float = 1.0
+    step: float = 0.0
     inertia: float = 1.0
     period_s: float = 0.02
     memory_s: float = 0.3

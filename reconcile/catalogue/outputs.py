@@ -89,7 +89,8 @@ EFFECTS = (
         "sensor_backlash",
         "output",
         "play of full width gap: y' moves only when |y − y'| = gap/2",
-        (Parameter("gap", "{y}", share(5e-4, 4e-3, 0.03, 0.15)),),
+        # play that is finer than the recorded steps does not show beside them
+        (Parameter("gap", "{y}", share(5e-4, 4e-3, 0.03, 0.15), least=lambda s: s.step),),
         _backlash,
         NONSMOOTH,
         hidden=("shown",),

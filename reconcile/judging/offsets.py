@@ -21,7 +21,7 @@ from reconcile.recordings.offsets import input_period
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import LONG, effects
-from reconcile.tolerances import LEAST_FLOOR, WORTH
+from reconcile.tolerances import INPUT_GAIN, LEAST_FLOOR, WORTH
 
 SURE = 3.0  # standard errors by which an offset may be beside a multiple of half a sample …
 NEAR, FAR = 0.05, 0.2  # … but at least, and at most, so much of half a sample
@@ -37,7 +37,11 @@ def found(beam: Beam) -> dict[Attached, float]:
     if any(_is_offset(beam, best, a) for a in best):
         point = beam.points[best]
         beam.fit(best, point.present, [point.values], LONG, near=point)
-        beam.refit(best, tuple(a for a in best if not _is_offset(beam, best, a)), iterations=LONG)
+        less = tuple(a for a in best if not _is_offset(beam, best, a))
+        beam.refit(best, less, iterations=LONG)
+        without = frozenset(less)
+        if without in beam.points and beam.evidence(best) < beam.evidence(without) + INPUT_GAIN:
+            return {}  # a lag and an early output, which undo each other
         best = beam.ranked()[0]
     every = {a: _rounded(beam, best, a) for a in best if _is_offset(beam, best, a)}
     return {a: late for a, late in every.items() if late}

@@ -27,9 +27,9 @@ def likelier(beam: Beam) -> Core | None:
 
 def notes(core: Core, point: Point) -> list[str]:
     """What of the outputs' noise has a memory, in words; nothing where that is little."""
-    values, units = point.values, {v.name: v.unit for v in core.model.outputs}
-    large = [n for n in core.kalman.noisy if values[SIGMA + REMEMBERED + n] > core.floor[n]]
-    return [
-        f"noise of {n}: {values[SIGMA + REMEMBERED + n]:.3g} {units[n]} of it last {values[TAU + REMEMBERED + n]:.3g} s"
-        for n in large
-    ]
+    units, found = {v.name: v.unit for v in core.model.outputs}, []
+    for n in core.kalman.noisy:
+        size, lasts = (point.values[kind + REMEMBERED + n] for kind in (SIGMA, TAU))
+        if size > core.floor[n]:
+            found.append(f"noise of {n} of {size:.3g} {units[n]} has a memory of {lasts:.3g} s")
+    return found

@@ -8,6 +8,7 @@ from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect
 from reconcile.equations.model import Folder, candidates
 from reconcile.equations.reach import behind, felt, states_behind
+from reconcile.judging.combined import combined
 from reconcile.recordings.data import Run, still
 from reconcile.search.free import stated
 from reconcile.tolerances import KNOWN
@@ -99,13 +100,20 @@ def unseen(core) -> list[dict[str, object]]:
     """
     model: Model = core.model
     doubtful, known = core.folder.ports.doubtful, core.known()
+    groups = {n: g for g in combined(core) for n in g}
     rows = []
     for v in model.parameters:
         told = known.get(v.name, 1.0) < KNOWN
         asked = v.name in doubtful if doubtful is not None else v.name not in _sensing(model)
         if asked and not (told or v.fixed or stated(v)):
-            rows.append(_advice(core.folder, core.outputs, v.name))
+            group = groups.get(v.name)
+            rows.append(_together(v.name, group) if group else _advice(core.folder, core.outputs, v.name))
     return sorted(rows, key=lambda r: not r["drive"])
+
+
+def _together(name: str, group: Sequence[str]) -> dict[str, object]:
+    others = " and ".join(n for n in group if n != name)
+    return {"parameter": name, "because": f"it acts together with {others}: state one of them", "drive": []}
 
 
 def _sensing(model: Model) -> set[str]:

@@ -12,6 +12,7 @@ from reconcile.errors.ahead import ahead, squares
 from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer, standard_errors
+from reconcile.judging.combined import combined
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -81,13 +82,19 @@ def judge(answer: Answer) -> Verdict:
     if left == "unexplained":
         return Verdict("unexplained", _unexplained(answer), left)
     known = core.known()
-    if known and not any(k < KNOWN for k in known.values()):
-        text = f"Too little excitation: nothing tells {', '.join(known)}."
+    if known and not any(k < KNOWN for k in known.values()) and (untold := _alone(core, known)):
+        text = f"Too little excitation: nothing tells {', '.join(untold)}."
         return Verdict("insufficient_excitation", text, left)
     if moved := moved_parameters(core, point):
         return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
     within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"
     return Verdict("agrees", f"Model and recordings agree within {within}.", left)
+
+
+def _alone(core: Core, names: Iterable[str]) -> list[str]:
+    """Parameters but those of which only combinations act: no excitation tells these."""
+    together = {n for g in combined(core) for n in g}
+    return [n for n in names if n not in together]
 
 
 def _unexplained(answer: Answer) -> str:

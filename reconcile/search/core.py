@@ -308,7 +308,10 @@ class Core:
             found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
         for name in self.outputs:
             values = np.concatenate([r.outputs[name].values for r in self.runs])
-            found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
+            step = max(quantum(r.outputs[name].values) for r in self.runs if name in r.outputs)
+            found[name] = Scales(
+                y=float(np.max(np.abs(values))) or 1.0, step=step, period_s=period, memory_s=memory
+            )
         found |= {
             n: replace(x, memory_s=memory)
             for n, x in sites.scales(self.model, ports, z, self.runs, period).items()

@@ -112,3 +112,11 @@ def test_a_force_that_varies_between_its_samples_is_no_effect(rig, friction):
     assert [e["name"] for e in figures["effects"]] == ["coulomb_friction"] * (friction > 0.0)
     (note,) = figures["nuisances"]["run"]["mended"]
     assert note.startswith("inputs act as they vary between their samples")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("part", "named"), [(0.25, True), (0.5, False)])
+def test_a_delay_of_a_part_of_a_sample_is_one_unless_recordings_make_it(rig, part, named):
+    figures, _ = workflow.examine(rig, told(rig, {"command": STEPS, "truth": {"velocity": late(part)}}, 0.0))
+    sets = [[e["name"] for e in figures["effects"]], *figures["alternatives"]]
+    assert any("sensor_delay" in s for s in sets) == named

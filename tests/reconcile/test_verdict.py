@@ -28,6 +28,7 @@ def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda core, point: {})
+    monkeypatch.setattr(verdicts, "combined", lambda core: [])
     core: Any = SimpleNamespace(known=lambda: {"drag": known}, disturbances=lambda values: {"v": 0.1})
     answer: Any = SimpleNamespace(
         core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={})
@@ -39,6 +40,7 @@ def test_an_error_left_is_said_before_too_little_excitation(
 
 def test_what_a_fit_takes_for_noise_beyond_the_sensors_own_is_error(monkeypatch):
     core: Any = SimpleNamespace(outputs=["y"], floors={"y": SimpleNamespace(level=0.1)}, spread={"y": 1.0})
+    core.noise = lambda values, output: values[f"noise of {output}"]
     monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.17, 0.16))  # as the fitted noise says
     swallowed: Any = SimpleNamespace(values={"noise of y": 0.4})
     assert verdicts.beyond_noise(core, swallowed) == pytest.approx(4.0)
