@@ -16,8 +16,8 @@ from reconcile.equations.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
 NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
-# of all outputs they do not show without an input
-LATE = ("sensor_delay", "sensor_lag", "clock_drift", offset.NAME)
+# of all outputs they do not show without an input; a lag does, as an exponential of its own
+LATE = ("sensor_delay", "clock_drift", offset.NAME)
 
 
 @dataclass(frozen=True)

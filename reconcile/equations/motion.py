@@ -38,7 +38,7 @@ def velocity_loop(model: Model, axis: Axis) -> bool:
     if not isinstance(axis.drive, str):
         return False
     unit = next(v.unit for v in model.states if v.name == axis.velocity)
-    return model.inputs[model.index("inputs", axis.drive)].unit == unit
+    return unit not in ("", "1") and model.inputs[model.index("inputs", axis.drive)].unit == unit
 
 
 def still(model: Model, ports: Ports) -> list[int]:

@@ -29,7 +29,8 @@ parameters  `doubtful`: the parameters that may be wrong; all others are known.
 
 A role is the name of a state, input, parameter or mode, a tuple of names, a number, or a function of the
 model's four namespaces (x, u, m, p).  Where no axis is declared, one is looked for at every input whose name
-begins with "disturbance" or whose unit is a force or torque, then at every state that is the rate of another.
+begins with "disturbance" or whose unit is a force or torque, then at every state that is the rate of another:
+in m/s, rad/s or deg/s, or in any unit where the other's derivative is that state and nothing else.
 """
 
 from collections.abc import Iterable, Mapping
@@ -331,14 +332,15 @@ def _inertia(model: Model, row: int) -> tuple[str, str | float]:
             found = np.array([[float(r) for r in slope(*point)] for point in points])
             if np.allclose(found[:, 0], -found[:, 1], rtol=1e-6) and np.any(found[:, 0]):
                 return force, v.name
-    return (state.unit + "2" if state.unit.endswith("/s") else state.unit + "/s"), 1.0
+    return (state.unit + "2" if state.unit.endswith("/s") else (state.unit or "1") + "/s"), 1.0
 
 
 def _is_rate(model: Model, name: str) -> bool:
-    unit = next(v.unit for v in model.states if v.name == name)
-    return unit in ("m/s", "rad/s", "deg/s") and (
-        _position(model, name) is not None or len(model.states) == 1
-    )
+    unit, position = next(v.unit for v in model.states if v.name == name), _position(model, name)
+    if unit in ("m/s", "rad/s", "deg/s"):
+        return position is not None or len(model.states) == 1
+    # of a chain of integrators the first rate is the speed
+    return position is not None and position == _integral(model, name) and not _integral(model, position)
 
 
 def _position(model: Model, velocity: str) -> str | None:
@@ -350,10 +352,21 @@ def _position(model: Model, velocity: str) -> str | None:
     known = slopes.sparsity().row()
     found = {v.name: slopes[i] for i, v in enumerate(model.states) if v.unit == unit and i in known}
     if model.kind == "continuous":
-        return next((n for n, slope in found.items() if _equals_one(slope)), None)
+        return next((n for n, slope in found.items() if _equals_one(slope)), _integral(model, velocity))
     at = _start(model)
     sizes = {n: abs(float(ca.Function("s", [x, u, m, p], [slope])(*at))) for n, slope in found.items()}
     return max(sizes, key=lambda n: sizes[n]) if sizes else None
+
+
+def _integral(model: Model, rate: str) -> str | None:
+    """The state whose derivative is `rate` and nothing else."""
+    if model.kind != "continuous":
+        return None
+    x = model.symbols[0]
+    derivatives = model.f(*model.symbols)
+    own = model.index("states", rate)
+    found = (i for i in range(len(model.states)) if i != own and ca.is_equal(derivatives[i], x[own]))
+    return next((model.states[i].name for i in found), None)
 
 
 def _start(model: Model) -> list[ca.DM]:

@@ -106,8 +106,9 @@ def named(found: Iterable[Quantization]) -> list[Quantization]:
 def added(figures: Mapping[str, Any], found: Sequence[Quantization], subsystem: str) -> dict[str, Any]:
     """What changes in a report's figures by the steps that were found.
 
-    They are certain whatever else explains the motion: every declared set has them.  Where the recordings
-    hardly move, an answer about the sensor is none about the model: the steps are listed only.
+    They are certain whatever else explains the motion: every declared set has them, and they are named where
+    nothing else is; the sentence then says whether something is left, as it does of every effect.  Where the
+    recordings hardly move, an answer about the sensor is none about the model: the steps are listed only.
     """
     listed = {"quantization": [q.figures() for q in found]} if found else {}
     steps = named(found)
@@ -117,7 +118,7 @@ def added(figures: Mapping[str, Any], found: Sequence[Quantization], subsystem: 
     verdict = "ambiguous" if figures["verdict"] == "ambiguous" else "named"
     return listed | {
         "verdict": verdict,
-        "sentence": f"{figures['sentence']} {_said(steps)}",
+        "sentence": _sentence(figures, steps),
         "effects": [*figures["effects"], *(q.effect(subsystem) for q in steps)],
         "alternatives": [_with(names, steps) for names in sets],
         "told_apart": [a | {"effects": _with(a["effects"], steps)} for a in figures.get("told_apart", ())],
@@ -134,9 +135,13 @@ def steps(figures: Mapping[str, Any]) -> dict[str, float]:
     return {e["port"]: float(e["parameters"]["step"]["value"]) for e in own}
 
 
-def _said(steps: Sequence[Quantization]) -> str:
-    """What is named, in a sentence."""
-    return f"The sensors' steps show ({NAME}): {'; '.join(q.sentence for q in steps)}."
+def _sentence(figures: Mapping[str, Any], steps: Sequence[Quantization]) -> str:
+    """The report's sentence with what is named; where nothing else is, the steps come first."""
+    before, shown = figures["sentence"], "; ".join(q.sentence for q in steps)
+    if figures["effects"]:
+        return f"{before} The sensors' steps show ({NAME}): {shown}."
+    rest = "; something unexplained remains" if figures["residual_status"] == "unexplained" else ""
+    return f"The model lacks {NAME}{rest}. {shown}. Apart from the steps: {before}"
 
 
 def _verdict(step: float, specified: float | None, noise: float, moved: float) -> str:

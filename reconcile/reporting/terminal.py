@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 MOST = 3  # regimes printed
+NO_AXIS = "no axis of the model is known that a force moves"  # as the reason begins
 LACKS = ("is not recorded", "does not change")  # how a reason ends that another recording would remove
 
 
@@ -41,7 +42,17 @@ def recording_notes(figures: dict[str, Any]) -> list[str]:
         for why in line["because"].split("; "):
             if why.endswith(LACKS):
                 lacking.setdefault(why, []).append(line["effect"])
-    return found + [f"{why}, so these cannot be told: {', '.join(names)}" for why, names in lacking.items()]
+    found += [f"{why}, so these cannot be told: {', '.join(names)}" for why, names in lacking.items()]
+    return found + without_axis(figures)
+
+
+def without_axis(figures: dict[str, Any]) -> list[str]:
+    """That no force is looked for, where the model has no axis."""
+    if not any(line["because"].startswith(NO_AXIS) for line in figures.get("untold") or ()):
+        return []
+    return [
+        f"{NO_AXIS}, so no friction, spring or load is looked for; if it has one, declare PORTS in model.py"
+    ]
 
 
 def _number(value: float | None) -> str:

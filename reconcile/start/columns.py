@@ -103,16 +103,23 @@ def _column(channel) -> Column:
 
 
 def unit_in_name(name: str) -> str:
-    """The unit that a name ends with, as in `q_rad`, `torque(Nm)`, `speed rpm`; "" where it has none."""
+    """The unit that a name ends with, as in `q_rad`, `torque(Nm)`, `speed rpm`, or is a word of it, as in
+    `rpm1`; "" where it has none."""
     match = re.search(r"\(([^()]+)\)\s*$", name) or re.search(r"[_ .]([A-Za-z°%]+(?:/s|ps)?)$", name)
     text = match[1] if match else ""
     text = {"degps": "deg/s", "radps": "rad/s", "mps": "m/s", "dps": "deg/s"}.get(text.lower(), text)
     lone = len(text) == 1 and match is not None and not match[0].endswith(")") and text not in "VANm%"
-    return spelled(text) if text and not lone and is_unit(text) else ""
+    if text and not lone and is_unit(text):
+        return spelled(text)
+    return "rpm" if "rpm" in _words(name) else ""
+
+
+def _words(name: str) -> list[str]:
+    return [w.lower() for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
 
 
 def _role(name: str, unit: str) -> tuple[str, str]:
-    words = [w.lower() for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
+    words = _words(name)
     named = [ROLE_OF_WORD[w] for w in words if w in ROLE_OF_WORD]
     if "setpoint" in named and "input" not in named:
         return "setpoint", "its name says that it is a wanted value"
@@ -165,7 +172,7 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
     unknown = [i for i, c in enumerate(found) if _may_drive(c)]
     if (
         len(unknown) == 1
-        and any(c.role in MOTION for c in found)
+        and any(c.role in MOTION and not c.constant for c in found)
         and not any(c.role == "input" for c in found)
     ):
         text = "guessed: nothing else is left that could drive it"

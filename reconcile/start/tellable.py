@@ -10,6 +10,7 @@ from reconcile.equations.model import Attached
 from reconcile.judging import inputs, untold
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
+from reconcile.reporting.terminal import without_axis
 from reconcile.search.core import Core
 from reconcile.search.screen import Screen
 from reconcile.search.shapes import Shapes
@@ -90,4 +91,5 @@ def lines(figures: dict[str, Any]) -> list[str]:
         "effects that they tell weakly": by["weakly"],
         "effects that look like something else": by["not separable"],
     }
-    return found + [f"{what}: {', '.join(names)}" for what, names in rows.items() if names]
+    found += [f"{what}: {', '.join(names)}" for what, names in rows.items() if names]
+    return found + without_axis(figures)

@@ -18,6 +18,7 @@ from specs.errors import InputError
 from specs.units import known
 
 EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
+TO_AND_FRO = 4  # times that what swings freely crosses its middle
 FAR_OFF = 2.0  # of its own spread, from which the middle of a command is no accident
 
 
@@ -61,6 +62,9 @@ def _pick(usable: Sequence[Column], recording: Path) -> tuple[str, str]:
     moving = [c for c in usable if c.role in ("position", "velocity") and c.unit]
     turning, straight = [c for c in moving if c.turns], [c for c in moving if not c.turns]
     per_role = max((sum(c.role == r for c in moving) for r in ("position", "velocity")), default=0)
+    driven = any(c.role in ("input", "setpoint") for c in usable)
+    if turning and per_role == 1 and not straight and not driven and (c := _swinging(turning)):
+        return "pendulum", f"column {c.name} is in {c.unit}, swings to and fro, and no column drives it"
     if per_role == 1 and bool(turning) != bool(straight):
         kind = "rotary" if turning else "linear"
         return kind, f"column {moving[0].name} is in {moving[0].unit}, and there is one axis"
@@ -74,6 +78,16 @@ def _pick(usable: Sequence[Column], recording: Path) -> tuple[str, str]:
         f"{recording}: the columns {listed} do not tell which template fits; "
         f"say --template {' | '.join(templates.TEMPLATES)}"
     )
+
+
+def _swinging(turning: Sequence[Column]) -> Column | None:
+    """The angle that goes to and fro about one place twice at least, by more than a tenth of the way."""
+    for c in turning:
+        away = c.values - np.median(c.values)
+        far = away[np.abs(away) > 0.1 * np.max(np.abs(away))]
+        if c.role == "position" and np.count_nonzero(np.diff(np.sign(far))) >= TO_AND_FRO:
+            return c
+    return None
 
 
 def _draft(
@@ -193,6 +207,8 @@ def _of_joint(columns: Sequence[Column], i: int, joint: int | None) -> Column | 
 
 
 def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
+    if len(usable) == 1:  # whatever it is called
+        usable = [replace(usable[0], role="output", reason="")]
     inputs = [c for c in usable if c.role == "input"]
     outputs = [c for c in usable if c.role not in ("input", "setpoint")]
     outputs = outputs[:1] if template == "first-order" else outputs

@@ -11,6 +11,7 @@ from reconcile.catalogue import ALL, Scales
 from reconcile.equations.extended import Extended
 from reconcile.equations.model import Attached, Folder, candidates, read_folder
 from reconcile.equations.ports import find_ports
+from tests.reconcile import models
 
 INPUT = [
     "input_dead_zone",
@@ -288,6 +289,60 @@ def test_a_force_is_in_newton_where_the_model_has_the_mass(rig):
     without = replace(model, rhs=lambda x, u, m, p: {"x": x.v, "v": p.gain * u.command - p.drag * x.v})
     (axis,) = find_ports(without).axes
     assert (axis.unit, axis.inertia) == ("m/s2", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("units", "force", "friction"),
+    [
+        (("V", "V/s"), "V/s2", "V/s2/(V/s)"),
+        (("V.s", "V"), "V/s", "V/s/(V)"),
+        (("1", "1"), "1/s", "1/s/(1)"),
+    ],
+)
+def test_a_state_whose_derivative_is_another_is_an_axis_in_any_unit(units, force, friction):
+    """A sensor in volts, of which nobody recorded the scale."""
+    model = unlabelled(units)
+    (axis,) = find_ports(model).axes
+    assert (axis.velocity, axis.position, axis.unit, axis.inertia) == ("v", "q", force, 1.0)
+    at = models.folder(model)
+    found = [a for a in candidates(at, ["shown"]) if a.port == "v"]
+    assert {"viscous_friction", "coulomb_friction", "stiffness", "end_stop"} <= {a.effect.name for a in found}
+    whole = Extended(at, found)
+    spelled = {whole.unit(a, p.name) for a in found for p in a.effect.parameters}
+    assert friction in spelled
+    assert whole.inertia(axis) == 1.0
+
+
+def test_of_a_chain_of_integrators_the_first_rate_is_the_axis():
+    """What is more is the motor's or a controller's: jerk and so on is no force."""
+
+    def rhs(x, u, m, p):
+        return {"q": x.v, "v": x.a, "a": -p.pull * x.q - p.pull * x.v - x.a}
+
+    model = unlabelled(("V", "V/s"))
+    model = replace(model, states=(*model.states, Variable("a", "V/s2", "Acceleration")), rhs=rhs)
+    assert [a.velocity for a in find_ports(model).axes] == ["v"]
+
+
+def test_a_state_that_another_follows_late_is_no_axis():
+    model = replace(unlabelled(("K", "K")), rhs=lambda x, u, m, p: {"q": p.pull * (x.v - x.q), "v": -x.v})
+    assert not find_ports(model).axes
+
+
+def unlabelled(units: tuple[str, str]) -> Model:
+    """Something that swings, without inputs."""
+    return Model(
+        name="unlabelled",
+        description="Swings",
+        kind="continuous",
+        step=0.1,
+        states=(Variable("q", units[0], "Place"), Variable("v", units[1], "Rate")),
+        inputs=(),
+        outputs=(Variable("shown", units[0], "Place"),),
+        parameters=(Variable("pull", "1/s2", "Stiffness by inertia", start=0.5, min=0.0),),
+        rhs=lambda x, u, m, p: {"q": x.v, "v": -p.pull * x.q},
+        out=lambda x, u, m, p: {"shown": x.q},
+    )
 
 
 def test_slopes_by_every_parameter_are_finite_where_effects_are_absent(rig):

@@ -316,6 +316,18 @@ def test_a_model_of_one_state_is_fitted_with_inputs_and_without(driven: bool):
     assert abs(core.base.values["time"] - 40.0) < 5.0 * error
 
 
+@pytest.mark.parametrize(("lag", "named"), [(8.0, {"sensor_lag@temperature"}), (0.0, set())])
+def test_a_sensors_lag_is_named_without_an_input_where_there_is_one(lag: float, named: set[str]):
+    time = np.arange(0.0, 200.0, 1.25)
+    values = 20.0 * np.exp(-time / 40.0)
+    shown = 40.0 / (40.0 - lag) * values - 20.0 * lag / (40.0 - lag) * np.exp(-time / lag) if lag else values
+    shown = shown + 0.02 * np.random.default_rng(3).standard_normal(len(time))
+    run = models.run({}, {"temperature": (time, shown)})
+    beam = Beam(Core(models.cooling(driven=False), split([run], (), ())))
+    beam.run()
+    assert {a.key for a in Judge(beam).decide().answer} == named
+
+
 def test_missing_samples_move_a_fit_by_no_more_than_its_errors():
     run = cooled(True)
     s = run.outputs["temperature"]

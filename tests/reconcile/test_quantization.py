@@ -148,6 +148,21 @@ def test_named_steps_join_what_else_is_found(coarse, verdict):
     assert quantization.steps(report) == {"position": pytest.approx(0.004)}
 
 
+@pytest.mark.parametrize(
+    ("verdict", "begins"),
+    [
+        ("unexplained", "The model lacks sensor_quantization; something unexplained remains. position is"),
+        ("agrees", "The model lacks sensor_quantization. position is"),
+        ("reestimated", "The model lacks sensor_quantization. position is"),
+    ],
+)
+def test_where_only_steps_are_named_the_sentence_says_what_else_there_is(coarse, verdict, begins):
+    before = REPORT[verdict]
+    said = quantization.added(before, coarse, "rig")["sentence"]
+    assert said.startswith(begins)
+    assert said.endswith(f". Apart from the steps: {before['sentence']}")
+
+
 def test_steps_are_listed_only_where_the_recordings_hardly_move(coarse):
     before = REPORT["insufficient_excitation"]
     report = before | quantization.added(before, coarse, "rig")

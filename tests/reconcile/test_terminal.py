@@ -1,7 +1,9 @@
 """What `slewright reconcile` says on the console beside the tables."""
 
+from reconcile.judging.untold import untold
 from reconcile.reporting.terminal import recording_notes
 from slewright import __main__ as entry
+from tests.reconcile import models
 
 
 def test_the_help_spells_the_table_of_a_map(capsys):
@@ -24,3 +26,15 @@ def test_what_was_left_out_of_a_recording_and_what_it_hides_is_said():
         "first: speed: left out, it has no sample",
         f"{missing}, so these cannot be told: sensor_bias, sensor_lag",
     ]
+
+
+def test_that_no_force_is_looked_for_is_said_in_one_sentence():
+    body = models.cooling(driven=False)
+    figures = {
+        "nuisances": {},
+        "untold": untold(body, [models.run({}, {"temperature": ([0.0, 1.0], [0.0, 0.0])})]),
+    }
+    said = recording_notes(figures)[-1]
+    assert "no friction, spring or load is looked for" in said
+    assert "declare PORTS in model.py" in said
+    assert not recording_notes({"nuisances": {}, "untold": []})

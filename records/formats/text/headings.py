@@ -1,9 +1,9 @@
 """Names and units in the heading of a column, and which columns may be the clock.
 
-A unit stands in square brackets behind the name, in round ones if it is no single letter or digit, or behind
-a slash or "in" where the clock's heading is written so.  It is one only where it is a unit that is known;
-else, where two columns would get one name, and for numbers in brackets of several columns, what stands there
-is part of the name.
+A unit stands in square brackets behind the name, in round ones if it is no single letter or digit or has
+blanks about it, or behind a slash or "in" where the clock's heading is written so.  It is one only where it
+is a unit that is known; else, where two columns would get one name, and for numbers in brackets of several
+columns, what stands there is part of the name.
 """
 
 import re
@@ -56,7 +56,9 @@ def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
     if match := _match(ROUND, cell):
         name, unit = match["name"], match["unit"].strip()
         long = (len(unit) > 1 or not unit.isalnum()) and unit != "min"  # p(A), x(t) and p(min) are names
-        if (long and is_unit(unit)) or (clock_name(name) and _of_clock(unit)) or name in signals():
+        apart = match["unit"] == f" {unit} "
+        clock = clock_name(name) and _of_clock(unit)
+        if ((long or apart) and is_unit(unit)) or clock or name in signals():
             return Heading(name, unit, cell)
     if style and (match := _match(style, cell)) and is_unit(match["unit"].strip("()[]")):
         return Heading(match["name"], match["unit"].strip("()[]"), cell)

@@ -298,6 +298,37 @@ def test_a_pendulum_of_which_a_gyroscope_alone_is_recorded(tmp_path: Path):
     assert length.start == pytest.approx(9.81 / 14.0, rel=0.05)
 
 
+@pytest.mark.parametrize("template", ["first-order", "free"])
+@pytest.mark.parametrize("beside", [{}, {"Q1": np.full(80, 50.0)}])
+@pytest.mark.parametrize("heading", ["T1", "Voltage ( V )"])
+def test_what_alone_moves_is_the_output_whatever_it_is_called(tmp_path: Path, template, beside, heading):
+    """A heater switched on before the recording began; a sensor of which there is the voltage alone."""
+    t = 3.0 * np.arange(80)
+    columns = {"time [s]": t, **beside, heading: np.round(60.0 - 40.0 * np.exp(-t / 90.0), 1)}
+    file = table(tmp_path / "r.csv", columns)
+    start(file, tmp_path / "first", template)
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert folder.model.inputs == ()
+    assert list(only.outputs) == [{"T1": "t1"}.get(heading, "voltage")]
+
+
+@pytest.mark.parametrize(
+    ("angle", "beside", "template"),
+    [
+        (lambda t: np.exp(-0.05 * t) * np.cos(4.0 * t) + 0.2, {}, "pendulum"),
+        (lambda t: 2.0 * t, {}, "rotary"),
+        (lambda t: 1.0 - np.exp(-t), {}, "rotary"),
+        (lambda t: np.cos(4.0 * t), {"torque [N.m]": lambda t: np.sin(4.0 * t)}, "rotary"),
+        (lambda t: np.cos(4.0 * t), {"angle_target": lambda t: np.sin(4.0 * t)}, "rotary"),
+    ],
+)
+def test_an_angle_that_swings_by_itself_is_a_pendulums(tmp_path: Path, angle, beside, template):
+    t = 0.05 * np.arange(400)
+    columns = {"time [s]": t, "angle [rad]": angle(t), **{n: f(t) for n, f in beside.items()}}
+    said = start(table(tmp_path / "r.csv", columns), tmp_path / "first")
+    assert said[0].startswith(f"template {template}: column angle is in rad")
+
+
 @pytest.mark.parametrize(
     ("columns", "arguments", "said"),
     [
@@ -327,7 +358,8 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path, capsys):
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("q_rad", "rad"), ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", "")],
+    [("q_rad", "rad"), ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", ""),
+     ("rpm", "rpm"), ("RPM1", "rpm"), ("MotorRpm", "rpm"), ("rpm_deg", "deg"), ("carpmat", "")],
 )  # fmt: skip
 def test_units_read_out_of_names(name: str, unit: str):
     assert unit_in_name(name) == unit

@@ -7,6 +7,7 @@ from reconcile.equations.model import read_folder
 from reconcile.recordings.data import runs_of, split
 from reconcile.search.core import Core
 from reconcile.start.tellable import lines, told
+from tests.reconcile import models
 from tests.reconcile.conftest import RIG
 from tests.reconcile.truth import Truth, record
 
@@ -52,3 +53,11 @@ def test_what_reading_assumed_is_said(tmp_path):
     table = tmp_path / "b.csv"
     table.write_text("time,force,position,velocity\n" + "".join(f"{a},{b},{c},{d}\n" for a, b, c, d in rows))
     assert "b: the time states no unit: taken as s" in lines(examine([table], str(RIG)))
+
+
+def test_that_a_model_has_no_axis_is_said():
+    folder = models.cooling(driven=False)
+    t = 1.0 * np.arange(100)
+    values = 20.0 * np.exp(-t / 30.0) + 0.01 * np.random.default_rng(0).standard_normal(100)
+    run = models.run({}, {"temperature": (t, values)})
+    assert "declare PORTS in model.py" in lines(told(Core(folder, split([run], (), ())), [run]))[-1]

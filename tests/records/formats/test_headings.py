@@ -32,6 +32,15 @@ def test_an_open_quote_in_the_header_takes_in_no_rows(read, text):
         read(text)
 
 
+@pytest.mark.parametrize(
+    ("heading", "name", "unit"),
+    [("Voltage ( V )", "Voltage", "V"), ("p(A)", "p(A)", ""), ("x (m)", "x (m)", ""), ("p( A)", "p( A)", "")],
+)
+def test_a_letter_in_round_brackets_is_a_unit_where_blanks_are_about_it(read, heading, name, unit):
+    found = read(f"time [s],{heading}\n0,1\n1,2\n2,3\n")
+    assert {n: c.unit for n, c in found.channels.items()} == {name: unit}
+
+
 @pytest.mark.parametrize("label", ["Unit", "Units:", "Einheit", "[Unidad]"])
 def test_a_line_of_units_that_says_so(read, label):
     found = read(f"time,p_slew_a\nDatatype,double\n{label},bar\n0,1\n1,2\n")
