@@ -18,8 +18,8 @@ def combined(core: Core) -> list[tuple[str, ...]]:
     Parameters that the model states well are not among them.
     """
     names = list(core.known())
-    slopes = _slopes(core, names)
-    if len(names) < 2 or len(slopes) < len(names):
+    slopes = _slopes(core, names) if len(names) > 1 else np.empty((0, 0))
+    if len(slopes) <= len(names):
         return []
     _, sizes, directions = np.linalg.svd(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300))
     idle = directions[sizes < ALONE * sizes[0]]

@@ -6,7 +6,7 @@ import casadi as ca
 
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect
-from reconcile.equations.model import Folder, candidates
+from reconcile.equations.model import LATE, Folder, candidates
 from reconcile.equations.reach import behind, felt, states_behind
 from reconcile.judging.combined import combined
 from reconcile.recordings.data import Run, still
@@ -72,6 +72,8 @@ def _unfit(effect: Effect, folder: Folder) -> str:
     """Why an effect of the catalogue fits no port of this model."""
     if effect.place in ("force", "inertia") and not folder.ports.axes:
         return "no axis of the model is known that a force moves; declare PORTS in model.py"
+    if not folder.model.inputs and (effect.place == "input" or effect.shaft or effect.name in LATE):
+        return "the model has no input"
     lacking = [n for n in effect.needs if n in NEEDS and not _has(folder, n)]
     return next((NEEDS[n] for n in lacking), "")
 

@@ -45,3 +45,7 @@ def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: li
     )
     assert combined(core) == groups
     assert sentence(groups).count("inertia, gain and friction") == len(groups)
+
+
+def test_a_model_without_free_parameters_has_no_groups():
+    assert combined(SimpleNamespace(known=dict)) == []
