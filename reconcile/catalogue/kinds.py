@@ -28,6 +28,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "sensor": (
         "sensor_bias",
         "sensor_scale",
+        "sensor_nonlinearity",
         "sensor_drift",
         "sensor_backlash",
         "sensor_quantization",

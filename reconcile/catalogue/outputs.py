@@ -18,6 +18,10 @@ def _scale(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(c.y * (1.0 + p.error))
 
 
+def _curve(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.y + p.curve * c.y**2)
+
+
 def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return memory.lag(c, c.y, "shown", w.shown, p.time)
 
@@ -64,6 +68,14 @@ EFFECTS = (
         (Parameter("error", "1", none, amplitude=True, low=-0.9),),
         _scale,
         LINEAR,
+    ),
+    Effect(
+        "sensor_nonlinearity",
+        "output",
+        "y' = y + curve y²",
+        (Parameter("curve", "1/{y}", none, amplitude=True, low=ANY),),
+        _curve,
+        "IEC 61298-2: non-linearity of a measuring device, to second order",
     ),
     Effect(
         "sensor_delay",

@@ -62,6 +62,7 @@ SINGLE: dict[str, tuple[Truth, dict[str, float]]] = {
     "input_saturation": (Truth(inputs=lambda u: np.clip(u, -4, 4)), {"limit": 4.0}),
     "asymmetric_gain": (Truth(inputs=lambda u: np.where(u > 0, 1.1, 0.9) * u), {"difference": 0.2}),
     "sensor_scale": (Truth(velocity=lambda v: 1.08 * v), {"error": 0.08}),
+    "sensor_nonlinearity": (Truth(position=lambda y: y + 0.02 * y**2), {"curve": 0.02}),
     "sensor_delay": (Truth(velocity=delay(0.05)), {"delay": 0.05}),
     "sensor_lag": (Truth(velocity=lag(0.05)), {"time": 0.05}),
 }

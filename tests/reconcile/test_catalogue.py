@@ -51,6 +51,7 @@ AXIS = [
 OUTPUT = [
     "sensor_bias",
     "sensor_scale",
+    "sensor_nonlinearity",
     "sensor_delay",
     "sensor_lag",
     "sensor_backlash",
