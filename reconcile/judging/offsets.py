@@ -88,8 +88,14 @@ def _late(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
 
 
 def without(points: Sequence[Point], offsets: Sequence[Attached]) -> list[Point]:
-    """Points without these offsets."""
-    return [replace(p, present=tuple(a for a in p.present if a not in offsets)) for p in points]
+    """Points without these offsets, and any of outputs: a delay in the values acts, present or not."""
+    found = []
+    for p in points:
+        left = [a for a in p.present if a in offsets or a.effect.name == NAME]
+        absent = {a.name(q.name): 0.0 for a in left for q in a.effect.amplitudes}
+        present = tuple(a for a in p.present if a not in left)
+        found.append(replace(p, present=present, values=p.values | absent))
+    return found
 
 
 def drop(beam: Beam) -> None:

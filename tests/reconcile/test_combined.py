@@ -1,6 +1,7 @@
 """Parameters of which only combinations act."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ MOTOR = Model(
     ],
 )
 def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: list[tuple[str, ...]]):
-    core = SimpleNamespace(
+    core: Any = SimpleNamespace(
         model=MOTOR,
         known=lambda: dict.fromkeys(free, 1.0),
         scales={"voltage": SimpleNamespace(u=10.0)},
@@ -48,4 +49,5 @@ def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: li
 
 
 def test_a_model_without_free_parameters_has_no_groups():
-    assert combined(SimpleNamespace(known=dict)) == []
+    core: Any = SimpleNamespace(known=dict)
+    assert combined(core) == []

@@ -6,6 +6,7 @@ import pytest
 from reconcile import workflow
 from reconcile.catalogue import ALL, offset
 from reconcile.equations.model import ALL_OUTPUTS, Attached
+from reconcile.filter.point import Point
 from reconcile.judging import offsets
 from reconcile.recordings.data import runs_of, split
 from reconcile.search.beam import Beam
@@ -120,3 +121,10 @@ def test_a_delay_of_a_part_of_a_sample_is_one_unless_recordings_make_it(rig, par
     figures, _ = workflow.examine(rig, told(rig, {"command": STEPS, "truth": {"velocity": late(part)}}, 0.0))
     sets = [[e["name"] for e in figures["effects"]], *figures["alternatives"]]
     assert any("sensor_delay" in s for s in sets) == named
+
+
+def test_a_point_without_its_offset_has_none_in_its_values(rig):
+    early = Attached(offset.effect(PERIOD), ALL_OUTPUTS)
+    point = Point((early,), (), {early.name("delay"): -0.01}, *[None] * 8)  # type: ignore[arg-type]
+    (without,) = offsets.without([point], [])
+    assert (without.present, without.values) == ((), {early.name("delay"): 0.0})
