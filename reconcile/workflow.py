@@ -16,11 +16,11 @@ from reconcile.filter.point import Point
 from reconcile.judging import (
     clocks as recorded_clocks,
     combined,
+    correlated,
     inputs,
     mistaken,
     offsets,
     quantization,
-    remembered,
     untold,
     verdict as verdicts,
 )
@@ -171,7 +171,7 @@ def _searched(
     for _ in range(MOST_AGAIN):
         share, late = _best_share(beam), offsets.found(beam)
         quieter = share < 0.5 * beam.core.share and not beam.cut
-        lasting = None if quieter or late or beam.cut else remembered.likelier(beam)
+        lasting = None if quieter or late or beam.cut else correlated.likelier(beam)
         if not quieter and not late and not lasting:
             break
         said(
@@ -224,7 +224,7 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     elif groups := combined.combined(core):
         found["sentence"] = figures["sentence"] + combined.sentence(groups)
     alike = recorded_clocks.alike(answer.present, core.runs)
-    mended = remembered.notes(core, answer.point)
+    mended = correlated.notes(core, answer.point)
     mended += [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(core.still)]
     found["nuisances"] = {
         r.name: row

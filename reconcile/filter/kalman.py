@@ -23,7 +23,7 @@ BY_SAMPLE = ("e", "s", "de", "ds")  # of these, what goes with samples and not w
 NOTHING = np.empty((0, 0))
 FOLLOWED = 4  # substeps, at least, where an effect of an input moves, or a gear closes, within a step
 NOISES = SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
-REMEMBERED = "remembered noise of "  # an output: a disturbance of what it shows
+CORRELATED = "correlated noise of "  # an output: a disturbance of what it shows
 CREEP = "creep of "  # an axis: the speed by which its dry friction gives way at standstill
 STILL = 1e-30  # where nothing says so: it stops
 
@@ -78,7 +78,7 @@ class Kalman:
         self.pushed_states = self._pushed()
         self.whole = Extended(folder, self.candidates)
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
-        self.disturbed = self.places + [REMEMBERED + n for n in self.noisy]
+        self.disturbed = self.places + [CORRELATED + n for n in self.noisy]
         self.late = Late(self.whole, list(self.outputs))
         self.substeps = 1
         self.extra_s = 0.0  # all outputs are late by so much, beside what the parameters say

@@ -12,6 +12,8 @@ from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import Key
 
+RARE = 3.0  # nats by which something is less likely than at its limit, beyond which it is in one of 20 cases
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -43,8 +45,13 @@ class Answer:
 
 
 def standard_errors(point: Point) -> Mapping[str, float]:
-    """Of all that was fitted, in its own unit."""
+    """Of all that was fitted, in its own unit.
+
+    Of what lies at a limit: by how far it may be beside it, with the same probability.
+    """
     size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
+    steep, round_ = np.abs(point.gradient) + 1e-300, np.sqrt(np.diag(point.information) + 1.0)
+    size = np.where(point.held, np.minimum(RARE / steep, 1.96 / round_) / 1.96, size)
     return {
         f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
     }

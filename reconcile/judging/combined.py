@@ -1,6 +1,7 @@
 """Base parameters of which only combinations act: an inertia, a gain and a friction that are all free."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,7 @@ ALONE = 1e-9  # of the largest slope: a combination that changes less changes no
 PART = 1e-3  # of a parameter, in such a combination
 
 
+@lru_cache(4)
 def combined(core: Core) -> list[tuple[str, ...]]:
     """Groups of parameters of which no recording tells each: what one changes, others can undo.
 

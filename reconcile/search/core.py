@@ -14,7 +14,7 @@ from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.equations.ports import Axis
 from reconcile.equations.reach import Reach
 from reconcile.filter.fit import Fitter
-from reconcile.filter.kalman import CREEP, NOISE, NOISES, REMEMBERED, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.kalman import CORRELATED, CREEP, NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.recordings.data import Parts, Run, still
@@ -57,9 +57,9 @@ class Core:
         parts: Parts,
         catalogue: Sequence[Effect] = ALL,
         floor: float = OUTPUT_FLOOR,
-        remembered: bool = False,
+        correlated: bool = False,
     ):
-        """`remembered`: noise of the outputs may have a memory."""
+        """`correlated`: noise of the outputs may have a memory."""
         self.given = folder, parts, catalogue, floor
         self.share = floor  # of an output's spread: its least noise
         self.folder, self.model, self.parts = folder, folder.model, parts
@@ -77,7 +77,7 @@ class Core:
         self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
-        noisy = self.outputs if remembered else ()
+        noisy = self.outputs if correlated else ()
         self.kalman = Kalman(folder, self.candidates, self.records, self.outputs, noisy)
         self.scored = {
             w: [getattr(r, w) & (np.arange(len(r.time)) >= self._begun(r)) for r in self.records]
@@ -165,7 +165,7 @@ class Core:
             self.floor[n] = max(self.floor[n], step / np.sqrt(12.0))
             values[NOISE + n] = max(seen, self.floor[n])
         for n in kalman.noisy:
-            values |= {SIGMA + REMEMBERED + n: values[NOISE + n], TAU + REMEMBERED + n: 5.0 * self.period}
+            values |= {SIGMA + CORRELATED + n: values[NOISE + n], TAU + CORRELATED + n: 5.0 * self.period}
         self.fitter.noise = np.array([values[NOISE + n] for n in self.outputs])
         return values
 
@@ -218,7 +218,7 @@ class Core:
 
     def noise(self, values: Values, output: str) -> float:
         """Deviation of an output's noise, with what of it has a memory."""
-        return float(np.hypot(values[NOISE + output], values.get(SIGMA + REMEMBERED + output, 0.0)))
+        return float(np.hypot(values[NOISE + output], values.get(SIGMA + CORRELATED + output, 0.0)))
 
     @property
     def fresh(self) -> Values:
@@ -396,8 +396,8 @@ class Core:
             size, least = self.values[NOISE + n], 2.0 * self.period
             longest = max(OF_MEMORY * self.memory_s, 4.0 * least)
             found += [
-                Free(SIGMA + REMEMBERED + n, size, 1.5, True, 0.01 * size, self.spread[n]),
-                Free(TAU + REMEMBERED + n, 5.0 * self.period, 1.0, True, least, longest),
+                Free(SIGMA + CORRELATED + n, size, 1.5, True, 0.01 * size, self.spread[n]),
+                Free(TAU + CORRELATED + n, 5.0 * self.period, 1.0, True, least, longest),
             ]
         return found
 

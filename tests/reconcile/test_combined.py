@@ -28,6 +28,13 @@ MOTOR = Model(
 )
 
 
+class Ground:
+    """What stands for the core."""
+
+    def __init__(self, **known: Any) -> None:
+        self.__dict__.update(known)
+
+
 @pytest.mark.parametrize(
     ("free", "groups"),
     [
@@ -37,7 +44,7 @@ MOTOR = Model(
     ],
 )
 def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: list[tuple[str, ...]]):
-    core: Any = SimpleNamespace(
+    core: Any = Ground(
         model=MOTOR,
         known=lambda: dict.fromkeys(free, 1.0),
         scales={"voltage": SimpleNamespace(u=10.0)},
@@ -49,5 +56,5 @@ def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: li
 
 
 def test_a_model_without_free_parameters_has_no_groups():
-    core: Any = SimpleNamespace(known=dict)
+    core: Any = Ground(known=dict)
     assert combined(core) == []

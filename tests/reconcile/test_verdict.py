@@ -3,11 +3,14 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from reconcile.catalogue import Scales
 from reconcile.equations.model import candidates
+from reconcile.filter.point import Free
 from reconcile.judging import judge as judges, verdict as verdicts
+from reconcile.judging.answer import standard_errors
 from reconcile.search.free import LATEST, FreeParameters
 
 
@@ -80,3 +83,18 @@ def test_one_lag_in_two_places_is_told_by_what_is_above_the_noise(
     judge = judges.Judge(beam)
     monkeypatch.setattr(judge, "ahead", dict(zip((here, there), errors, strict=True)).__getitem__)
     assert judge._alike(here) == ([there] if alike else [])
+
+
+def test_what_lies_at_its_limit_has_an_interval_too():
+    free = tuple(Free(n, 0.0, 2.0, False, low=0.0) for n in ("steep", "flat", "inside"))
+    point: Any = SimpleNamespace(
+        free=free,
+        values={"steep": 0.0, "flat": 0.0, "inside": 1.0},
+        held=np.array([True, True, False]),
+        gradient=np.array([30.0, 0.0, 0.0]),
+        information=np.diag([0.0, 3.0, 3.0]),
+        covariance=lambda: np.diag([0.0, 0.0, 0.25]),
+    )
+    found = standard_errors(point)
+    assert 1.96 * found["steep"] == pytest.approx(2.0 * 0.1)  # three nats
+    assert found["flat"] == found["inside"] == pytest.approx(1.0)
