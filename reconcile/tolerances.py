@@ -41,7 +41,9 @@ STEP = 1e-4  # of a parameter's size: for slopes by differences, above rounding 
 SEEN = 4.0  # noise levels that an output must move by
 KNOWN = 0.5  # of its prior's deviation: a parameter known no better than that was not excited
 MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
-INPUT_GAIN = 10.0  # nats by which the outputs must be likelier without an input's noise
+# nats by which the outputs must be likelier without an input's noise, with noise that has a memory, with an
+# offset in time: that these are there is as unlikely beforehand as a few effects at once
+INPUT_GAIN = 10.0
 CLOCK_GAIN = 10.0  # nats a recording by which clocks of their own must be likelier than one offset for all
 WRONG = 0.1  # error ahead, in spreads, from which signs and units of channels are asked
 LOST = 0.5  # the same, of a model whose inputs may be far too large or small

@@ -60,8 +60,8 @@ def beyond_noise(core: Core, point: Point) -> float:
 
     What a fit takes for noise beyond the sensors' own level, as samples in a row show it, is error.
     """
-    white = {n: {NOISE + n: min(point.values[NOISE + n], core.floors[n].level)} for n in core.outputs}
-    own = [core.noise(point.values | white[n], n) / core.spread[n] for n in core.outputs]
+    white = {NOISE + n: min(point.values[NOISE + n], core.floors[n].level) for n in core.outputs}
+    own = [core.noise(point.values | white, n) / core.spread[n] for n in core.outputs]
     return float(np.sqrt(max(squares(core, point)[0] / np.mean(np.square(own)) - 1.0, 0.0)))
 
 
