@@ -174,21 +174,17 @@ def _searched(
         lasting = None if quieter or late or beam.cut else correlated.likelier(beam)
         if not quieter and not late and not lasting:
             break
-        said(
-            " and ".join(
-                [
-                    "again",
-                    *["with less noise"] * quieter,
-                    *["without offsets in time"] * bool(late),
-                    *["with noise that lasts"] * bool(lasting),
-                ]
-            )
-        )
+        changes = {
+            "with less noise": quieter,
+            "without offsets in time": late,
+            "with noise that lasts": lasting,
+        }
+        said(" and ".join(["again", *(text for text, there in changes.items() if there)]))
         if late:
             given = offsets.set_right(folder, given, late)
         known = offsets.without(beam.foremost(), list(late))
         before = beam if quieter and not late else None
-        share, lasts = share if quieter else beam.core.share, bool(beam.core.kalman.noisy)
+        share, lasts = share if quieter else beam.core.share, bool(beam.core.kalman.correlated)
         beam = Beam(lasting or Core(folder, split(*given), catalogue, share, lasts), said)
         beam.search(known)
     for each in (beam, before) if before else (beam,):

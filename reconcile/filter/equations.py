@@ -29,7 +29,7 @@ class Stepped(Assembly):
         extended: Extended,
         outputs: Sequence[str],
         pushed_states: Sequence[str] = (),
-        noisy: Sequence[str] = (),
+        correlated: Sequence[str] = (),
     ):
         super().__init__(extended)
         self.recorded = [self.model.index("outputs", n) for n in outputs]
@@ -39,11 +39,11 @@ class Stepped(Assembly):
         self.state_names = [n for n in extended.state_names if n not in names]
         self.shown = [a for a in extended.attached if a.effect.place == "output" and a.effect.hidden]
         self.pushed_states = tuple(pushed_states)
-        self.noisy = [list(outputs).index(n) for n in noisy]
+        self.correlated = [list(outputs).index(n) for n in correlated]
         axes = extended.folder.ports.axes
         self.dt = ca.SX.sym("dt")
         self.early = ca.SX.sym("early", len(self.recorded))
-        self.more = ca.SX.sym("push", len(self.pushed_states) + len(self.noisy))
+        self.more = ca.SX.sym("push", len(self.pushed_states) + len(self.correlated))
         # one by one: a slice beyond a vector of one element is a row
         pushes = [self.u[i] for i in range(extended.clock + 1, self.u.numel())]
         self.w = ca.vertcat(*pushes, self.more)
@@ -119,7 +119,7 @@ class Stepped(Assembly):
         per = self.model.step if self.model.kind == "discrete" else 1.0
         for k, n in enumerate(self.pushed_states):
             rates[self.state_names.index(n)] += per * self.more[k]
-        for k, i in enumerate(self.noisy):
+        for k, i in enumerate(self.correlated):
             outputs[i] += self.more[len(self.pushed_states) + k]
         inputs = self._inputs()
         dry = ca.SX.zeros(2 * len(self.axes))

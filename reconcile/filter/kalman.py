@@ -60,7 +60,7 @@ class Kalman:
     """Filters of one model: effects without hidden states all at once, others as they are asked for.
 
     `places`: names of what the disturbances w push, axes first; `disturbed`: these, and the outputs among
-    `noisy`, whose noise has a memory.
+    `correlated`, whose noise has a memory.
     """
 
     def __init__(
@@ -69,16 +69,16 @@ class Kalman:
         candidates: Sequence[Attached],
         records: Sequence[Record],
         outputs: Sequence[str],
-        noisy: Sequence[str] = (),
+        correlated: Sequence[str] = (),
     ):
-        self.noisy = tuple(noisy)
+        self.correlated = tuple(correlated)
         self.folder, self.model, self.records = folder, folder.model, list(records)
         self.candidates, self.outputs = tuple(candidates), tuple(outputs)
         self.all_outputs = [v.name for v in self.model.outputs]
         self.pushed_states = self._pushed()
         self.whole = Extended(folder, self.candidates)
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
-        self.disturbed = self.places + [CORRELATED + n for n in self.noisy]
+        self.disturbed = self.places + [CORRELATED + n for n in self.correlated]
         self.late = Late(self.whole, list(self.outputs))
         self.substeps = 1
         self.extra_s = 0.0  # all outputs are late by so much, beside what the parameters say
@@ -232,7 +232,7 @@ class Kalman:
         if key not in self._parts:
             attached = [a for a in self.candidates if a in kept or a.effect.delays]
             extended = Extended(self.folder, attached)
-            stepped = Stepped(extended, self.outputs, self.pushed_states, self.noisy)
+            stepped = Stepped(extended, self.outputs, self.pushed_states, self.correlated)
             library = Library(stepped)
             index = np.array([self.whole.index[n] for n in extended.parameter_names])
             self._parts[key] = _Part(library, extended, index)

@@ -50,8 +50,8 @@ def standard_errors(point: Point) -> Mapping[str, float]:
     Of what lies at a limit: by how far it may be beside it, with the same probability.
     """
     size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
-    steep, round_ = np.abs(point.gradient) + 1e-300, np.sqrt(np.diag(point.information) + 1.0)
-    size = np.where(point.held, np.minimum(RARE / steep, 1.96 / round_) / 1.96, size)
+    slope, bend = np.abs(point.gradient) + 1e-300, np.sqrt(np.diag(point.information) + 1.0)
+    size = np.where(point.held, np.minimum(RARE / slope, 1.96 / bend) / 1.96, size)
     return {
         f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
     }

@@ -6,6 +6,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from reconcile import words
 from reconcile.search.core import Core
 
 POINTS = 64  # states and inputs at which slopes by the parameters are looked at
@@ -13,7 +14,7 @@ ALONE = 1e-9  # of the largest slope: a combination that changes less changes no
 PART = 1e-3  # of a parameter, in such a combination
 
 
-@lru_cache(4)
+@lru_cache(1)
 def combined(core: Core) -> list[tuple[str, ...]]:
     """Groups of parameters of which no recording tells each: what one changes, others can undo.
 
@@ -53,5 +54,5 @@ def _slopes(core: Core, names: Sequence[str]) -> np.ndarray:
 
 def sentence(groups: Sequence[Sequence[str]]) -> str:
     """What to state in the model, "" where nothing acts in combinations only."""
-    said = [f"{', '.join(g[:-1])} and {g[-1]}" for g in groups]
+    said = (words.listed(list(g)) for g in groups)
     return "".join(f" Only combinations of {g} act: state one of them well." for g in said)

@@ -17,9 +17,9 @@ LEFT = 1e-3  # of the forces at a place: a disturbance that is smaller hides not
 def likelier(beam: Beam) -> Core | None:
     """The beam's ground with noise that has a memory, where the best set is likelier with it."""
     core, point = beam.core, beam.points[beam.ranked()[0]]
-    if core.kalman.noisy or max(core.disturbances(point.values).values(), default=0.0) < LEFT:
+    if core.kalman.correlated or max(core.disturbances(point.values).values(), default=0.0) < LEFT:
         return None
-    other = Core(*core.given, correlated=True)
+    other = Core(core.folder, core.parts, core.catalogue, core.share, correlated=True)
     free = [*other.base_free, *other.noise_free, *other.free_of(*point.present)]
     found = other.fitter.fit(other.base.values | point.values, point.present, free, LONG, own=True)
     return other if found and found.total < point.total - INPUT_GAIN else None
@@ -28,7 +28,7 @@ def likelier(beam: Beam) -> Core | None:
 def notes(core: Core, point: Point) -> list[str]:
     """What of the outputs' noise has a memory, in words; nothing where that is little."""
     units, found = {v.name: v.unit for v in core.model.outputs}, []
-    for n in core.kalman.noisy:
+    for n in core.kalman.correlated:
         size, lasts = (point.values[kind + CORRELATED + n] for kind in (SIGMA, TAU))
         if size > core.floor[n]:
             found.append(f"noise of {n} of {size:.3g} {units[n]} has a memory of {lasts:.3g} s")

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from fmus.definition import Model
+from reconcile import words
 from reconcile.catalogue import ALL, Effect
 from reconcile.equations.model import LATE, Folder, candidates
 from reconcile.equations.reach import behind, felt, states_behind
@@ -71,7 +72,7 @@ def _lack(name: str, folder: Folder, runs: Sequence[Run]) -> str:
 def _unfit(effect: Effect, folder: Folder) -> str:
     """Why an effect of the catalogue fits no port of this model."""
     if effect.place in ("force", "inertia") and not folder.ports.axes:
-        return "no axis of the model is known that a force moves; declare PORTS in model.py"
+        return f"{words.NO_AXIS}; declare PORTS in model.py"
     if not folder.model.inputs and (effect.place == "input" or effect.shaft or effect.name in LATE):
         return "the model has no input"
     lacking = [n for n in effect.needs if n in NEEDS and not _has(folder, n)]
@@ -114,7 +115,7 @@ def unseen(core) -> list[dict[str, object]]:
 
 
 def _together(name: str, group: Sequence[str]) -> dict[str, object]:
-    others = " and ".join(n for n in group if n != name)
+    others = words.listed([n for n in group if n != name])
     return {"parameter": name, "because": f"it acts together with {others}: state one of them", "drive": []}
 
 

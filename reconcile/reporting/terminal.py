@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from reconcile import words
+
 MOST = 3  # regimes printed
-NO_AXIS = "no axis of the model is known that a force moves"  # as the reason begins
 LACKS = ("is not recorded", "does not change")  # how a reason ends that another recording would remove
 
 
@@ -48,10 +49,11 @@ def recording_notes(figures: dict[str, Any]) -> list[str]:
 
 def without_axis(figures: dict[str, Any]) -> list[str]:
     """That no force is looked for, where the model has no axis."""
-    if not any(line["because"].startswith(NO_AXIS) for line in figures.get("untold") or ()):
+    if not any(line["because"].startswith(words.NO_AXIS) for line in figures.get("untold") or ()):
         return []
     return [
-        f"{NO_AXIS}, so no friction, spring or load is looked for; if it has one, declare PORTS in model.py"
+        f"{words.NO_AXIS}, so no friction, spring or load is looked for; "
+        "if it has one, declare PORTS in model.py"
     ]
 
 

@@ -60,7 +60,7 @@ class Core:
         correlated: bool = False,
     ):
         """`correlated`: noise of the outputs may have a memory."""
-        self.given = folder, parts, catalogue, floor
+        self.catalogue = catalogue
         self.share = floor  # of an output's spread: its least noise
         self.folder, self.model, self.parts = folder, folder.model, parts
         blocks = {"fit": parts.fit, "confirm": parts.confirm, "holdout": parts.holdout}
@@ -77,8 +77,8 @@ class Core:
         self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
-        noisy = self.outputs if correlated else ()
-        self.kalman = Kalman(folder, self.candidates, self.records, self.outputs, noisy)
+        lasting = self.outputs if correlated else ()
+        self.kalman = Kalman(folder, self.candidates, self.records, self.outputs, lasting)
         self.scored = {
             w: [getattr(r, w) & (np.arange(len(r.time)) >= self._begun(r)) for r in self.records]
             for w in blocks
@@ -88,6 +88,7 @@ class Core:
         self.spread = {
             n: float(np.std(np.concatenate([r.outputs[n].values for r in runs]))) or 1.0 for n in self.outputs
         }
+        self.step = {n: max(quantum(r.outputs[n].values) for r in runs) for n in self.outputs}
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
         # by what channels are multiplied by: error ahead and fit of the model without effects
@@ -161,10 +162,9 @@ class Core:
         self.floor = {n: self.share * self.spread[n] for n in self.outputs}
         for n in self.outputs:
             seen = float(np.sqrt(np.mean([high_pass_level(r.outputs[n].values) ** 2 for r in self.runs])))
-            step = max(quantum(r.outputs[n].values) for r in self.runs)
-            self.floor[n] = max(self.floor[n], step / np.sqrt(12.0))
+            self.floor[n] = max(self.floor[n], self.step[n] / np.sqrt(12.0))
             values[NOISE + n] = max(seen, self.floor[n])
-        for n in kalman.noisy:
+        for n in kalman.correlated:
             values |= {SIGMA + CORRELATED + n: values[NOISE + n], TAU + CORRELATED + n: 5.0 * self.period}
         self.fitter.noise = np.array([values[NOISE + n] for n in self.outputs])
         return values
@@ -198,7 +198,7 @@ class Core:
     @cached_property
     def floors(self) -> dict[str, Floor]:
         """Noise of every output: the sensor's specification, unless the recording is noisier than that."""
-        return {n: _floor(self.model, n, self.runs) for n in self.outputs}
+        return {n: _floor(self.model, n, self.runs, self.step[n]) for n in self.outputs}
 
     def mean(self, output: str) -> float:
         """Of what the recordings show of an output."""
@@ -308,10 +308,8 @@ class Core:
             found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
         for name in self.outputs:
             values = np.concatenate([r.outputs[name].values for r in self.runs])
-            step = max(quantum(r.outputs[name].values) for r in self.runs if name in r.outputs)
-            found[name] = Scales(
-                y=float(np.max(np.abs(values))) or 1.0, step=step, period_s=period, memory_s=memory
-            )
+            size = float(np.max(np.abs(values))) or 1.0
+            found[name] = Scales(y=size, step=self.step[name], period_s=period, memory_s=memory)
         found |= {
             n: replace(x, memory_s=memory)
             for n, x in sites.scales(self.model, ports, z, self.runs, period).items()
@@ -392,7 +390,7 @@ class Core:
         for n in self.outputs:
             start = max(self.values[NOISE + n], self.floor[n])
             found.append(Free(NOISE + n, start, 1.0, True, self.floor[n], self.spread[n]))
-        for n in self.kalman.noisy:  # shorter than the motion's memory, else it takes up what effects do
+        for n in self.kalman.correlated:  # shorter than the motion's memory, else it takes up what effects do
             size, least = self.values[NOISE + n], 2.0 * self.period
             longest = max(OF_MEMORY * self.memory_s, 4.0 * least)
             found += [
@@ -426,10 +424,9 @@ def _switches(runs: Sequence[Run], name: str) -> bool:
     return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
 
 
-def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:
+def _floor(model: Model, name: str, runs: Sequence[Run], step: float) -> Floor:
     values = [r.outputs[name].values for r in runs if name in r.outputs]
     seen = float(np.sqrt(np.mean([high_pass_level(v) ** 2 for v in values])))
-    step = max(quantum(v) for v in values)
     seen = max(seen, step / np.sqrt(12.0), 1e-7 * max(float(np.max(np.abs(v))) for v in values))
     sensor = model.sensors.get(name)
     if sensor and sensor.noise:
