@@ -103,11 +103,11 @@ class Rack:
         modbus = ModbusPort(self.image, self.targets)
         modbus.started_ns = NOW  # so that its loss does not depend on how fast this computer is
         asked = [Asked(i + 1, cell) for i, cell in enumerate(self.seats)]
-        claims = SeatsPort(asked, granted, modbus.claimed)
+        claims = SeatsPort(asked, granted, self.core.library, modbus.claimed)
         wires = NativePort(self.bus, self.core.library, stick)
         page = HmiPort(
-            self.pages, found, lambda: modbus.claimed() or claims.claimed(), lambda: self.ring.lost,
-            wires.refused, self.core.ladder,
+            self.pages, self.core.library, found, lambda: modbus.claimed() or claims.claimed(),
+            lambda: self.ring.lost, wires.refused(), self.core.ladder,
         )  # fmt: skip
         claims.page = page.commands
         kept = Publisher(self.counts, found, self.retain, ("control_mode", "load_estimate"))

@@ -29,8 +29,8 @@ class Rack:
         monkeypatch.setattr(time, "monotonic_ns", lambda: self.now)
         self.cells = create(folder)
         self.claimed = False
-        self.port = HmiPort(self.cells, Statistics(), lambda: self.claimed)
         self.bench = Bench(core("pd"))
+        self.port = HmiPort(self.cells, self.bench.core.library, Statistics(), lambda: self.claimed)
         self.planner = False
         self.asked = np.zeros((), HMI)
         self.asked["targets"]["value"] = [s.start for s in HOLDING]

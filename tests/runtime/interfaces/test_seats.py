@@ -8,9 +8,12 @@ import pytest
 from runtime.hmi.alarms import Level
 from runtime.image import INPUT, OUTPUT, Status
 from runtime.interfaces import seats
-from runtime.interfaces.port import FOLLOWING, MODE, Asked, SeatsPort
+from runtime.interfaces.decision import MODE
+from runtime.interfaces.port import Asked, SeatsPort
 from runtime.modbus.holding import LAPSE_NS
 from specs.errors import InputError
+from tests.runtime.bench import AUTOMATIC
+from tests.runtime.bundles import core
 
 TICK = 20_000_000
 X = INPUT.at("target_x")
@@ -28,7 +31,8 @@ class Table:
         self.now, self.modbus, self.can = TICK, False, False
         self.seats = [seats.Seat(n, seats.join(folder, n), granted, self._hear) for n in seats.NAMES]
         asked = [Asked(i + 1, seats.join(folder, n)) for i, n in enumerate(seats.NAMES)]
-        self.port = SeatsPort(asked, granted, lambda: self.modbus, lambda: self.now)
+        library = core("pd").library
+        self.port = SeatsPort(asked, granted, library, lambda: self.modbus, lambda: self.now)
         self.inputs, self.outputs = INPUT.new(), OUTPUT.new()
 
     def _hear(self, text: str, level: Level) -> None:
@@ -117,7 +121,7 @@ def test_a_client_without_a_sign_of_life_loses_it_and_age_tells_before(table: Ta
 def test_while_its_target_is_followed_nothing_else_slips_in(table: Table):
     table.ask(0, "a", 5.0)
     table.tick()
-    table.follow(FOLLOWING[0])
+    table.follow(AUTOMATIC)
     table.ask(1, "c", 7.0)
     table.tick(3, (0, "a"), (1, "c"))
     table.seats[0].release("a", "gave it back")
@@ -132,7 +136,7 @@ def test_while_its_target_is_followed_nothing_else_slips_in(table: Table):
 def test_what_one_client_began_the_next_at_its_seat_does_not_go_on_with(table: Table):
     table.ask(0, "a", 5.0)
     table.tick()
-    table.follow(FOLLOWING[0])
+    table.follow(AUTOMATIC)
     table.seats[0].release("a", "left")
     table.ask(0, "b", 6.0)
     table.tick(1, (0, "b"))
