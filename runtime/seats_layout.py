@@ -42,7 +42,7 @@ class Seat(ctypes.Structure):
         ("cell", Cell),
         ("number", c_int64),  # as others are told (runtime/interfaces/seats.py)
         ("seen", c_int64),  # number of the state that was taken last
-        ("ended", c_int64),  # the claim whose right is over, for good; 0: none
+        ("ended", c_int64),  # the claim whose right ended last: over for good; 0: none
         ("asked", Targets),
     ]
 

@@ -72,10 +72,8 @@ static void end_what_is_over(SlrSeats *s, int64_t now) {
 /* The first seat that asks for it anew has the right. */
 static void give(SlrSeats *s, int64_t now) {
   for (int i = 0; i < SLR_SCAN_SEATS && !s->who; i++) {
-    SlrSeat *seat = &s->seat[i];
-    if (!is_alive(seat, now, s->late) || seat->asked.owner == seat->ended) continue;
-    seat->ended = 0;
-    grant(s, i + 1);
+    const SlrSeat *seat = &s->seat[i];
+    if (is_alive(seat, now, s->late) && seat->asked.owner != seat->ended) grant(s, i + 1);
   }
 }
 

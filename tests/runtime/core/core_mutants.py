@@ -25,11 +25,12 @@ from tests.runtime import bundles
 from tests.runtime.core.mutants import Mutant, mutants
 
 OF_CORE = tuple(f"tests/runtime/core/test_{name}.py" for name in ("check", "mode", "restart"))
+OF_COMMANDS = ("tests/runtime/interfaces/test_seats.py", "tests/runtime/hmi/test_port.py")
 TESTS = {
     "check.c": OF_CORE,
     "mode.c": OF_CORE,
-    "seats.c": ("tests/runtime/interfaces/test_seats.py",),
-    "page.c": ("tests/runtime/hmi/test_port.py",),
+    "seats.c": OF_COMMANDS,
+    "page.c": OF_COMMANDS,
 }
 MOST_CPU_S = 120  # of a mutant's tests, which take 5: a loop without end
 EQUAL = {  # part of the mutated line: why it is the same program, or what else finds it
@@ -59,6 +60,12 @@ EQUAL = {  # part of the mutated line: why it is the same program, or what else 
     "view->reach > 0.0": "a target is never exactly at the end of reach",
     "]])  >= SLR_MOVING": "a measured rate is never exactly the limit",
     "board[i])  >= SLR_DEFLECTED": "a joystick is never exactly at the limit: its steps are finer",
+    "starts - first": "targets are the first inputs",
+    "now  >= then ? (now - then)": "0 either way",
+    "if (!seat->cell.memory) return 1": "nobody is alive there; only sooner done",
+    "int asks = 1": "as above",
+    "i  <= SLR_SCAN_SEATS": "one step past the end: for the sanitizers",
+    "i  <= SLR_SCAN_HEARD": "as above",
 }
 
 
