@@ -72,6 +72,7 @@ static int is_claimed(const SlrPlanner *p) { return p->present && p->owner && !p
 static int is_seated(const SlrScan *s) { return s->seats && ((const SlrSeats *)s->seats)->who; }
 
 void slr_decide(SlrScan *s) {
+  if (!s->seats && !s->page) return;
   const int claimed = is_claimed(&s->planner); /* by a Modbus client that may not have written yet */
   const int64_t now = slr_now(), mode = (int64_t)((const SlrOutput *)s->outputs)->value[SLR_OUT_control_mode];
   if (s->seats) slr_seats_receive(s->seats, s->inputs, now, mode, claimed || (s->page && slr_page_commands(s->page)));
