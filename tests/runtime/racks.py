@@ -189,7 +189,7 @@ class Pair:
         self._noise = lambda: {n: float(noise.normal(0, 1e-3)) for n in NOISY}
         self._senders = {n: Transmitter(n, INPUT.index) for n in SENDERS}
         self.told: dict[str, Any] = {}
-        self._alive: dict[str, np.ndarray] = {}
+        self._page: np.ndarray | None = None
 
     def regular(self, tick: int, changes: Mapping[str, float] = {}, planner: bool = True) -> list[Frame]:
         """Frames of a machine, an operator and a planner that are well."""
@@ -203,19 +203,18 @@ class Pair:
         senders = [s for n, s in self._senders.items() if planner or n != "Planner"]
         return [(i | EXTENDED, d, NOW) for s in senders for i, d in s.due(values.tolist(), tick)]
 
-    def live(self, what: str, state: np.ndarray) -> None:
-        """From now on who asks for this gives signs of life in every tick, until it asks for another."""
-        self._alive[what] = state
-
     def write(self, what: str, state: np.ndarray) -> None:
-        self._alive.pop(what, None)
+        """What somebody asks for; a page that is alive then gives a sign of life in every tick."""
+        if what == "page":
+            self._page = state if state["targets"]["heartbeat_ns"] == NOW else None
         self._write(what, state)
 
     def _beat(self) -> None:
-        for what, state in self._alive.items():
-            targets = state["targets"] if what == "page" else state
+        """Of the page: what it says of the future does not count, as it does at the seats."""
+        if self._page is not None:
+            targets = self._page["targets"]
             targets["stamp_ns"] = targets["heartbeat_ns"] = time.monotonic_ns()
-            self._write(what, state)
+            self._write("page", self._page)
 
     def _write(self, what: str, state: np.ndarray) -> None:
         for rack in self.racks:

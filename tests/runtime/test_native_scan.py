@@ -58,7 +58,7 @@ KINDS = (
 
 
 def asked(kind: str, owner: int, alive: int, commits: int, values: Sequence[float], force: int) -> np.ndarray:
-    """A state of somebody who asks; `alive`: 0 never was, 1 long ago, 2 now and, but for a page, for long."""
+    """A state of somebody who asks; `alive`: 0 never was, 1 long ago, 2 now and for long."""
     when = (0, 1, NOW)[alive]
     state = np.zeros((), HMI if kind == "page" else TARGETS)
     targets = state["targets"] if kind == "page" else state
@@ -94,9 +94,7 @@ def events(draw: st.DrawFn) -> tuple[str, Any]:
 def told(pair: Pair, story: Sequence[tuple[str, Any]]) -> None:
     tick = 0
     for kind, what in story:
-        if kind == "page" and what["targets"]["heartbeat_ns"] == NOW:
-            pair.live(kind, what)
-        elif kind in ("page", "seat", "second seat", "modbus", "outside"):
+        if kind in ("page", "seat", "second seat", "modbus", "outside"):
             pair.write(kind, what)
         for _ in range(what if kind in ("regular", "silence") else 1):
             switches = {"operator_enable": float(tick > 4), "automatic_request": float(tick > 8)}
@@ -145,8 +143,8 @@ def test_whoever_commands_a_tick_is_one_call(
     values, others = ([{**TARGET, "target_x": at}.get(n, 0.0) for n in NAMES] for at in (5.0, 9.0))
     if who == "seat":  # the first of those that ask in one tick
         for other in ("page", "second seat"):
-            pair.live(other, asked(other, 8, 2, 1, others, 0))
-    pair.live(who, asked(who, 7, 2, 1, values, 0))
+            pair.write(other, asked(other, 8, 2, 1, others, 0))
+    pair.write(who, asked(who, 7, 2, 1, values, 0))
     for tick in range(90):
         if tick == 60:
             pair.write(who, asked(who, 0, 0, 0, values, 0))
