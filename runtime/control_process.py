@@ -85,7 +85,7 @@ def _control(
     if devices:
         ports.insert(1, CanopenPort(devices, core.library, join_devices(folder)))
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
-    commands = _seats(ports, folder, told.get("seats", ()))
+    commands = _seats(ports, folder, told.get("seats", ()), core)
     if commands:
         ports.insert(len(ports) - 1, commands)
     if told.get("hmi"):
@@ -124,22 +124,23 @@ def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, 
     wires = next(p for p in ports if isinstance(p, NativePort))
     return HmiPort(
         join_hmi(folder),
+        core.library,
         found,
         lambda: any(f() for f in others),
         lambda: ring.lost if ring else 0,
-        wires.refused,
+        wires.refused(),
         core.ladder,
     )
 
 
-def _seats(ports: list[Port], folder: Path, names: Sequence[str]) -> SeatsPort | None:
+def _seats(ports: list[Port], folder: Path, names: Sequence[str], core: ControlCore) -> SeatsPort | None:
     """Who commands over OPC UA or ROS 2, if one of them is configured."""
     granted = seats.join_granted(folder)
     if granted is None:
         return None
     modbus = [p.claimed for p in ports if isinstance(p, ModbusPort)]
     asked = [Asked(seats.NAMES.index(name) + 1, seats.join(folder, name)) for name in names]
-    return SeatsPort(asked, granted, lambda: any(f() for f in modbus))
+    return SeatsPort(asked, granted, core.library, lambda: any(f() for f in modbus))
 
 
 def _others(wanted: configuration.Configuration, folder: Path, found: Statistics, images: bool) -> list[Port]:

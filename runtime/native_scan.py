@@ -1,9 +1,8 @@
 """The cycle in one call into C (runtime/core/scan.c): Python sets it up and helps with what is not periodic.
 
 What a tick does is what `Scan` says with the same ports: values in and out of the image, the core's step,
-what is shown, counted and recorded.  Python takes part only while somebody asks for the right to command or
-forces an input (`SeatsPort`, `HmiPort`), while a bus is gone, and in every tick where frames come of a J1939
-joystick.  `serves` says which cores, ports and buses C can have.
+who commands, what is shown, counted and recorded.  Python takes part only while a bus is gone, and in every
+tick where frames come of a J1939 joystick.  `serves` says which cores, ports and buses C can have.
 """
 
 import ctypes
@@ -21,7 +20,6 @@ from runtime.can.socketcan import FRAME_BYTES, STAMP, SocketCan, with_room
 from runtime.can.wire import PACKET
 from runtime.canopen.port import CanopenPort
 from runtime.control import ControlCore
-from runtime.hmi.cells import MESSAGES
 from runtime.hmi.port import HmiPort
 from runtime.image import timeout_ticks
 from runtime.interfaces.outside import LATE, OutsidePort
@@ -38,8 +36,7 @@ from runtime.shared import Cell
 SERVED = (NativePort, CanopenPort, ModbusPort, OutsidePort, ImagePort, SeatsPort, HmiPort, Publisher)
 KNOWN = ("seen", "stamp", "heartbeat", "commits", "owner", "started", "lost", "value")  # of the planner
 COMMANDED = ("seen", "made", "owner", "value")  # of the policy outside
-STANDING = ("next", "writer", "forcing", "busy")  # of the page
-ALWAYS, ASKED, BUS = 1, 2, 4  # runtime/core/scan.h
+ALWAYS, BUS = 1, 2  # runtime/core/scan.h
 
 
 class EarlyClock(SystemClock):
@@ -90,15 +87,11 @@ class NativeScan(Scan):
             self._rest(self._at)
 
     def follow(self, other: "NativeScan") -> None:
-        """Know what another one knows of planner and page, for the same tick."""
+        """Know what another one knows of the planner and the policy outside, for the same tick."""
         for name in KNOWN:
             setattr(self.told.planner, name, getattr(other.told.planner, name))
         for name in COMMANDED:
             setattr(self.told.outside, name, getattr(other.told.outside, name))
-        mine, theirs = self.told.page, other.told.page
-        for name in STANDING:
-            setattr(mine, name, getattr(theirs, name))
-        mine.asked.seen, mine.asked.asks = theirs.asked.seen, theirs.asked.asks
 
     # ---- what is not periodic ----
 
@@ -108,29 +101,12 @@ class NativeScan(Scan):
             self._join(tick)
         if what & ALWAYS:
             self._wires.read(self.inputs, told.wires.count, tick, told.wires.now)
-        if what & ASKED:
-            self._decide(tick)
 
     def _join(self, tick: int) -> None:
         for end, bus in self._ends:
             if end.gone:
                 rejoin(bus, tick)
                 end.descriptor = bus.fileno()
-
-    def _decide(self, tick: int) -> None:
-        """Who commands, and what is forced."""
-        told = self.told
-        if self._modbus:
-            self._modbus.know(told.planner.owner, bool(told.planner.lost))
-        if self._seats:
-            self._seats.receive(self.inputs, tick)
-            told.seats_busy = self._seats.busy
-        if page := self._page:
-            page.receive(self.inputs, tick)
-            if tick >= told.page.next:
-                page.settle()
-            told.page.busy, told.page.writer, told.page.forcing = page.standing
-            told.flags = page.flags()
 
     # ---- set up ----
 
@@ -144,9 +120,6 @@ class NativeScan(Scan):
             setattr(told, name, getattr(found, name).words.buffer_info()[0])
         told.stolen_until, told.planner.late = -1, timeout_ticks(HEARTBEAT)
         self._ends: list[tuple[layout.Bus, LocalBus | SocketCan]] = []
-        self._modbus: ModbusPort | None = None
-        self._seats: SeatsPort | None = None
-        self._page: HmiPort | None = None
         for port in self.ports:
             self._take(port)
         told.attends = bool(self._wires.readers)
@@ -158,7 +131,6 @@ class NativeScan(Scan):
             case NativePort():
                 self._wires = port
                 self._take_bus(told.wires, port.parts)
-                self._take_refused(port)
             case CanopenPort():
                 self._take_bus(told.devices, port.parts)
                 told.setting.accepted, told.setting.spent = (_cell(c) for c in port.cells)
@@ -169,9 +141,9 @@ class NativeScan(Scan):
             case ImagePort():
                 told.planner.image = _cell(port.image)
             case SeatsPort():
-                self._take_seats(port)
+                told.seats = ctypes.addressof(port.known)
             case HmiPort():
-                self._take_page(port)
+                told.page = ctypes.addressof(port.known)
             case Publisher():
                 self._take_publisher(port)
             case _:
@@ -194,36 +166,15 @@ class NativeScan(Scan):
         self._kept += [came, going, parts]
         self._ends.append((end, bus))
 
-    def _take_refused(self, port: NativePort) -> None:
-        refused = np.frombuffer(port.refused(), np.int64)
-        self.told.page.refused = refused.ctypes.data
-        self._kept.append(refused)
-
     def _take_planner(self, port: ModbusPort) -> None:
         planner = self.told.planner
-        self._modbus, planner.present = port, True
+        planner.present = True
         planner.image, planner.targets = _cell(port.image), _cell(port.targets)
         planner.seen, planner.lost, planner.started = -1, True, port.started_ns
 
     def _take_outside(self, port: OutsidePort) -> None:
         outside = self.told.outside
         outside.present, outside.commands, outside.late, outside.seen = True, _cell(port.commands), LATE, -1
-
-    def _take_seats(self, port: SeatsPort) -> None:
-        self._seats = port
-        assert isinstance(self.core, ControlCore)  # noqa: S101
-        port.send(self.core.outputs, 0)
-        for seat, cell in zip(self.told.seats, port.cells, strict=False):
-            seat.cell = _cell(cell)
-
-    def _take_page(self, port: HmiPort) -> None:
-        assert isinstance(self.core, ControlCore)  # noqa: S101
-        self._page, page = port, self.told.page
-        page.present, page.asked.cell, page.asked.more = True, _cell(port.asked), True
-        page.seen, page.next, page.frames = _cell(port.seen), port.next_state, port.frames.ctypes.data
-        page.heard[:] = list(MESSAGES.values())
-        page.busy, page.writer, page.forcing = port.standing
-        port.see(self.core.outputs)
 
     def _take_publisher(self, port: Publisher) -> None:
         published = self.told.published

@@ -19,6 +19,8 @@ from runtime.control import ControlCore
 from runtime.hmi.cells import create as create_hmi
 from runtime.hmi.port import HmiPort
 from runtime.interfaces.outside import OutsidePort, create as create_outside
+from runtime.interfaces.port import SeatsPort
+from runtime.interfaces.seats import create_granted
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
 from runtime.native_scan import NativeScan, serves
@@ -67,12 +69,13 @@ class Rehearsal:
         self._outside = next((p for p in ports if isinstance(p, OutsidePort)), None)
         self._twin_outside = OutsidePort(create_outside(folder)) if self._outside else None
         self._ring = Ring.create(folder / "ring", RING_BYTES) if recorder else None
+        self._seats = next((p for p in ports if isinstance(p, SeatsPort)), None)
+        self._twin_seats = self._seats.twin(create_granted(folder)) if self._seats else None
         self._hmi = next((p for p in ports if isinstance(p, HmiPort)), None)
         found = Statistics()
         self._twin_hmi = self._hmi.twin(create_hmi(folder), found) if self._hmi else None
-        twins: list[Port] = [
-            p for p in (self._twin_can, self._twin_modbus, self._twin_outside, self._twin_hmi) if p
-        ]
+        beside = (self._twin_modbus, self._twin_outside, self._twin_seats, self._twin_hmi)
+        twins: list[Port] = [self._twin_can, *(p for p in beside if p)]
         self.real: Scan | None = None  # whose twin this is
         feed = Feed(self._ring) if self._ring else None
         kind = partial(NativeScan, waits=False) if serves(core, [*ports, *twins]) else Scan
@@ -89,6 +92,8 @@ class Rehearsal:
             self._twin.follow(self.real)
         else:
             self._follow()
+        if self._seats and self._twin_seats:
+            self._twin_seats.follow(self._seats)
         if self._hmi and self._twin_hmi:
             self._twin_hmi.follow(self._hmi)
         self._twin.cycle(tick, deadline_ns)

@@ -7,12 +7,11 @@ library says by `token()` which layout it was compiled for.
 
 import ctypes
 import hashlib
-from ctypes import c_double, c_int64, c_uint32, c_void_p
+from ctypes import c_double, c_int64, c_uint8, c_uint32, c_void_p
 from pathlib import Path
 from typing import Any
 
-from runtime.hmi.cells import MESSAGES
-from runtime.hmi.port import EVERY, PHASE
+from runtime.hmi.cells import EVERY, PHASE, Writer
 from runtime.image import INPUT, OUTPUT, refreshed
 from runtime.interfaces.outside import COMMANDS, PLACES as COMMANDED
 from runtime.modbus.cells import HOLDING
@@ -20,19 +19,24 @@ from runtime.publisher import EVERY as PUBLISH_EVERY
 from runtime.recorder import feed
 from runtime.retain.process import FAILED, VALUES
 from runtime.scan import PERIOD_NS, POLICY_EVERY, SHOWN_TICKS, STOLEN_NS
+from runtime.seats_layout import (
+    N_HEARD,
+    N_SEATS,
+    N_TARGETS,
+    Cell,
+    Grant,
+    Hmi,
+    Page,
+    Seat,
+    Seats,
+    Targets,
+)
 from runtime.statistics import COARSE_BINS, COUNTS, TOP_US
 from specs.errors import InputError
 
 HEADER = Path(__file__).parent / "core" / "scan_layout.h"
-N_TARGETS, N_HEARD, N_OUT, N_SEATS = len(HOLDING), len(MESSAGES), len(OUTPUT.signals), 2
-N_COMMANDS = len(COMMANDS)
+N_OUT, N_COMMANDS = len(OUTPUT.signals), len(COMMANDS)
 NO_END, LOCAL, SOCKETCAN = range(3)  # kinds of a bus's end
-
-
-class Cell(ctypes.Structure):
-    """One end of a cell (runtime/shared.py)."""
-
-    _fields_ = [("memory", c_void_p), ("size", c_int64), ("stride", c_int64)]
 
 
 class Ring(ctypes.Structure):
@@ -78,18 +82,6 @@ class Devices(ctypes.Structure):
     _fields_ = [("accepted", Cell), ("spent", Cell), ("seen", c_int64)]
 
 
-class Targets(ctypes.Structure):
-    """A state of such a cell (runtime/modbus/cells.py: TARGETS)."""
-
-    _fields_ = [
-        ("stamp_ns", c_int64),
-        ("heartbeat_ns", c_int64),
-        ("commits", c_uint32),
-        ("owner", c_uint32),
-        ("value", c_double * N_TARGETS),
-    ]
-
-
 class Planner(ctypes.Structure):
     """What is known of the planner (runtime/modbus/port.py); `present` is 0 where only the image is shown."""
 
@@ -126,30 +118,6 @@ class Outside(ctypes.Structure):
         ("made", c_int64),
         ("owner", c_int64),
         ("value", c_double * N_COMMANDS),
-    ]
-
-
-class Asked(ctypes.Structure):
-    """A cell that begins with Targets, by which somebody may ask for something: `more` tells whether a number
-    behind them does so, too."""
-
-    _fields_ = [("cell", Cell), ("more", c_int64), ("seen", c_int64), ("asks", c_int64)]
-
-
-class Page(ctypes.Structure):
-    """What the operator's page sees and asks for (runtime/hmi/port.py)."""
-
-    _fields_ = [
-        ("present", c_int64),
-        ("asked", Asked),
-        ("busy", c_int64),  # Python has something to decide in every tick
-        ("seen", Cell),
-        ("next", c_int64),  # tick of the next state of `seen`
-        ("writer", c_int64),
-        ("forcing", c_int64),
-        ("frames", c_void_p),  # int64[N_HEARD]: right frames so far
-        ("heard", c_int64 * N_HEARD),  # place of a signal of each message
-        ("refused", c_void_p),  # int64[2 * N_HEARD]
     ]
 
 
@@ -211,15 +179,13 @@ class Scan(ctypes.Structure):
         ("waits", c_int64),  # a cycle watches the clock until its deadline
         ("attends", c_int64),  # Python takes part in every cycle
         ("granted", c_int64),  # flags of what the system refused
-        ("flags", c_int64),  # of what Python looks after
         ("wires", Bus),
         ("devices", Bus),
         ("setting", Devices),
         ("planner", Planner),
         ("outside", Outside),
-        ("seats", Asked * N_SEATS),
-        ("seats_busy", c_int64),
-        ("page", Page),
+        ("seats", c_void_p),  # SlrSeats
+        ("page", c_void_p),  # SlrPageEnd
         ("published", Published),
         ("record", Record),
         ("counts", c_void_p),  # Counts
@@ -234,13 +200,14 @@ class Scan(ctypes.Structure):
 
 
 STRUCTURES = (
-    *(Cell, Ring, Watch, Bus, Devices, Targets, Planner, Command, Outside, Asked, Page),
+    *(Cell, Ring, Watch, Bus, Devices, Targets, Planner, Command, Outside, Seat, Seats, Hmi, Grant, Page),
     *(Published, Record, Counts, Tick, Scan),
 )
 NUMBERS = {
     "TARGETS": N_TARGETS, "FIRST_TARGET": min(INPUT.index[s.name] for s in HOLDING), "HEARD": N_HEARD,
     "COMMANDS": N_COMMANDS, "FIRST_COMMAND": COMMANDED.start,
-    "SEATS": N_SEATS, "LOCAL": LOCAL, "SOCKETCAN": SOCKETCAN, "PERIOD_NS": PERIOD_NS,
+    "SEATS": N_SEATS, "NOBODY": int(Writer.NOBODY), "PLANNER": int(Writer.PLANNER), "PAGE": int(Writer.HMI),
+    "LOCAL": LOCAL, "SOCKETCAN": SOCKETCAN, "PERIOD_NS": PERIOD_NS,
     "POLICY_EVERY": POLICY_EVERY, "STOLEN_NS": STOLEN_NS, "SHOWN_TICKS": SHOWN_TICKS,
     "DEAD_TICKS": feed.DEAD_TICKS, "DISK_FULL": feed.DISK_FULL, "TICK": feed.TICK, "SNAPSHOT": feed.SNAPSHOT,
     "PAGE_EVERY": EVERY, "PAGE_PHASE": PHASE, "PUBLISH_EVERY": PUBLISH_EVERY, "VALUES": VALUES,
@@ -267,13 +234,17 @@ def write(check: bool = False, path: Path = HEADER) -> list[Path]:
     return refreshed(path, header(), check)
 
 
-def check(library: ctypes.CDLL) -> None:
-    """Raise InputError if a bundle's library was compiled for another cycle."""
-    if not hasattr(library, "slr_scan_layout"):
+def check(library: ctypes.CDLL, part: str = "scan", *kinds: type[ctypes.Structure]) -> None:
+    """Raise InputError if a bundle's library was compiled for another cycle.
+
+    `part`: "scan", which is there on Linux only, or "seats"; `kinds`: structures whose sizes it adds up.
+    """
+    if not hasattr(library, f"slr_{part}_layout"):
         raise InputError("the bundle's core knows no cycle: of an older version? Build it again")
-    library.slr_scan_layout.restype, library.slr_scan_size.restype = ctypes.c_char_p, ctypes.c_size_t
-    found = library.slr_scan_layout().decode(), library.slr_scan_size()
-    if found != (token(), ctypes.sizeof(Scan)):
+    layout, size = (getattr(library, f"slr_{part}_{name}") for name in ("layout", "size"))
+    layout.restype, size.restype = ctypes.c_char_p, ctypes.c_size_t
+    found = layout().decode(), size()
+    if found != (token(), sum(ctypes.sizeof(kind) for kind in kinds or (Scan,))):
         raise InputError(f"the bundle's core knows cycle {found[0]}, not {token()}; build it again")
 
 
@@ -295,7 +266,7 @@ def _declared(name: str, kind: Any) -> str:
 
 
 def _name(kind: Any) -> str:
-    plain = {c_int64: "int64_t", c_uint32: "uint32_t", c_double: "double"}
+    plain = {c_int64: "int64_t", c_uint32: "uint32_t", c_uint8: "uint8_t", c_double: "double"}
     return plain.get(kind) or f"Slr{_C_NAMES.get(kind, kind.__name__)}"
 
 

@@ -70,6 +70,13 @@ class Cell:
         return cls(path, memory)
 
     @classmethod
+    def alone(cls, size: int, holds: str) -> "Cell":
+        """A new cell that no other process sees: without a file."""
+        memory = mmap.mmap(-1, HEAD.size + SLOTS * _stride(size))
+        HEAD.pack_into(memory, 0, MAGIC, holds.encode("ascii")[:24], size, 0)
+        return cls(Path(), memory)
+
+    @classmethod
     def open(cls, path: Path, size: int, holds: str) -> "Cell":
         """Join a cell that another process made; raises InputError if it is not that."""
         try:

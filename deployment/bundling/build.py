@@ -38,10 +38,10 @@ from specs.version import VERSION
 ARM = "arm_velocity"
 HAND_WRITTEN = (
     *("slr.h", "gate.h", "guard.h", "block.h", "wire.h", "canopen.h"),
-    *("scan.h", "bus.h", "exchange.h", "memory.h"),
+    *("scan.h", "bus.h", "exchange.h", "memory.h", "seats.h", "page.h"),
     *("image_layout.h", "wire_layout.h", "canopen_layout.h", "scan_layout.h"),
     *("gate.c", "guard.c", "check.c", "mode.c", "step.c", "explain.c", "wire.c", "canopen.c"),
-    *("scan.c", "bus.c", "exchange.c", "memory.c"),
+    *("scan.c", "bus.c", "exchange.c", "memory.c", "seats.c", "page.c"),
 )
 IN_ITS_PLACE: dict[type, tuple[str, ...]] = {External: ("external.c",), Outside: ("outside.c",)}
 BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code

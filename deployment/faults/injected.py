@@ -43,9 +43,7 @@ class Disturbance:
 def inject(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
     """One injection of `fault` at `moment`."""
     run = Run(drive, moment)
-    disturbance = (
-        MAKERS[fault.name](random) if fault.name in MAKERS else _of_device(fault.name, drive, random)
-    )
+    disturbance = MAKERS[fault.name](random) if fault.name in MAKERS else _of_port(fault.name, drive, random)
     if disturbance.state:
         drive.core.restore(disturbance.state(moment.core))
     ticks = round(fault.limit_ms / TICK_MS) + MARGIN_TICKS
@@ -80,8 +78,9 @@ def _wrong(fault: Fault, value: np.ndarray) -> str:
     return ""
 
 
-def _of_device(name: str, drive: Drive, random: Random) -> Disturbance:
-    return Disturbance(twist=devices.MAKERS[name](drive.core.library, random))
+def _of_port(name: str, drive: Drive, random: Random) -> Disturbance:
+    """Of what comes through another port than the controller's CAN."""
+    return Disturbance(twist=OF_PORTS[name](drive.core.library, random))
 
 
 # ---- frames ----
@@ -316,8 +315,11 @@ MAKERS: dict[str, Callable[[Random], Disturbance]] = {
     "sensor_nan": _nan,
     "modbus_client_lost": lambda random: Disturbance(twist=LostClient(random)),
     "modbus_taken_over": lambda random: Disturbance(twist=TakenOver(random)),
-    "interface_client_lost": lambda random: Disturbance(twist=Lost(random)),
-    "interface_followed": lambda random: Disturbance(twist=Followed(random)),
     "policy_nan": _nan_state,
     "task_overrun": _overrun,
+}
+OF_PORTS: dict[str, Callable[..., Callable[[int, np.ndarray], None]]] = {
+    **devices.MAKERS,
+    "interface_client_lost": Lost,
+    "interface_followed": Followed,
 }

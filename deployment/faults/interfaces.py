@@ -4,54 +4,41 @@ The parts are those that a run has: the seat of an interface's process (runtime/
 port of the control process that decides (runtime/interfaces/port.py).  Sockets and processes: outsiders.py.
 """
 
-from typing import Any
+import ctypes
 
 import numpy as np
 
 from deployment.faults.drive import AUTOMATIC, Drive, Moment
 from deployment.faults.table import Fault, Outcome
 from runtime.image import INPUT, OUTPUT, Status
-from runtime.interfaces.port import MODE, WHERE, Asked, SeatsPort
-from runtime.interfaces.seats import BEAT, GRANTED, NAMES, PLACES, Seat
-from runtime.modbus.cells import HOLDING
+from runtime.interfaces.decision import MODE
+from runtime.interfaces.port import Asked, SeatsPort
+from runtime.interfaces.seats import BEAT, GRANTED, HOLDS_GRANTED, HOLDS_SEAT, NAMES, PLACES, Seat
+from runtime.modbus.cells import HOLDING, TARGETS
 from runtime.modbus.holding import LAPSE_NS
 from runtime.modbus.port import PERIOD_NS
+from runtime.shared import Cell
 
 Random = np.random.Generator
 BEAT_TICKS = 5  # between two signs of life (10 Hz)
 NONE = {"planner_heartbeat", "target_number"}  # targets that no client of an interface says
-
-
-class Memory:
-    """A cell without other processes."""
-
-    def __init__(self) -> None:
-        self.number, self._state = 0, b""
-
-    def write(self, *parts: Any) -> None:
-        """As a cell does."""
-        self.number, self._state = self.number + 1, b"".join(bytes(p) for p in parts)
-
-    def read(self) -> tuple[int, bytes] | None:
-        """As a cell does."""
-        return (self.number, self._state) if self.number else None
+WHERE = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
 
 
 class Table:
-    """Both seats, the control process's port, a clock."""
+    """Both seats, the control process's port, a clock; `library`: that of the core."""
 
-    def __init__(self, random: Random) -> None:
+    def __init__(self, library: ctypes.CDLL, random: Random) -> None:
         self.now = 1_000 * PERIOD_NS + int(random.integers(PERIOD_NS))
-        cells: list[Any] = [Memory() for _ in NAMES]
-        granted: Any = Memory()
-        granted.write(np.zeros((), GRANTED))
+        cells = [Cell.alone(TARGETS.itemsize, HOLDS_SEAT) for _ in NAMES]
+        granted = Cell.alone(GRANTED.itemsize, HOLDS_GRANTED)
         self.said: list[str] = []
         self.seats = [
             Seat(n, c, granted, lambda text, level: self.said.append(text))
             for n, c in zip(NAMES, cells, strict=True)
         ]
         asked = [Asked(i + 1, c) for i, c in enumerate(cells)]
-        self.port = SeatsPort(asked, granted, clock=lambda: self.now)
+        self.port = SeatsPort(asked, granted, library, clock=lambda: self.now)
         self.outputs = OUTPUT.new()
         self.outputs["value"][MODE] = AUTOMATIC
 
@@ -69,8 +56,8 @@ class Table:
 class Lost:
     """A twist of the image: at tick 0 a client that was well is lost; `leaves`: its session ends, too."""
 
-    def __init__(self, random: Random) -> None:
-        self.table = Table(random)
+    def __init__(self, library: ctypes.CDLL, random: Random) -> None:
+        self.table = Table(library, random)
         self.seat = self.table.seats[int(random.integers(len(NAMES)))]
         self._leaves = bool(random.integers(2))
 
@@ -99,8 +86,8 @@ class Lost:
 class Followed(Lost):
     """The client leaves; another one asks at once, at the same seat or another, and goes on to ask."""
 
-    def __init__(self, random: Random) -> None:
-        super().__init__(random)
+    def __init__(self, library: ctypes.CDLL, random: Random) -> None:
+        super().__init__(library, random)
         self._next = self.table.seats[int(random.integers(len(NAMES)))]
 
     def lose(self, image: np.ndarray) -> None:
@@ -121,7 +108,7 @@ def interface_second_client(
     fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome
 ) -> None:
     """Others ask at both seats, at any time, while one commands: what it asked for stays, and is followed."""
-    table, image = Table(random), INPUT.new()
+    table, image = Table(drive.core.library, random), INPUT.new()
     seat = table.seats[int(random.integers(len(NAMES)))]
     seat.ask("planner", {"target_x": 5.0}, table.now)
     table.outputs["value"][MODE] = 0
@@ -140,7 +127,7 @@ def interface_second_client(
 
 def interface_nonsense(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
     """A client asks for numbers that are none or out of range: refused, all of the request or nothing."""
-    table, wrong = Table(random), ""
+    table, wrong = Table(drive.core.library, random), ""
     for _ in range(50):
         s = HOLDING[int(random.integers(len(HOLDING)))]
         low, high = float(s.min or 0.0), float(s.max or 0.0)
@@ -160,7 +147,7 @@ def interface_nonsense(fault: Fault, drive: Drive, moment: Moment, random: Rando
 
 def interface_stale(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
     """A process hangs with its client's claim and goes on later: what is over does not come back."""
-    table, image = Table(random), INPUT.new()
+    table, image = Table(drive.core.library, random), INPUT.new()
     seat = table.seats[int(random.integers(len(NAMES)))]
     seat.ask("planner", {"target_x": 5.0}, table.now)
     table.outputs["value"][MODE] = 0

@@ -19,13 +19,14 @@ from statistics import median
 from typing import Any
 
 from deployment.hil import loads
+from deployment.hil.commanding import KINDS, PAGE, ROS2, commanding
 from deployment.hil.rig import Interfaces, Rig, Setting, free_domain, free_port
 from deployment.hil.watchers import watching
 from runtime.image import TICK_S
 from runtime.realtime import PRIORITY
 from specs.errors import RunError
 from specs.progress import Report
-from specs.scenario import load
+from specs.scenario import Scenario, load
 
 LOADS = ("idle", "modbus", "stress")
 # Measured when it is asked for: the HMI with three pages open, on other computers (`hmi`) or in browsers on
@@ -33,7 +34,8 @@ LOADS = ("idle", "modbus", "stress")
 PAGES = {"hmi": loads.readers, "browsers": loads.pages}
 # All interfaces beside CAN and Modbus, with ten clients: four of Foxglove, three of OPC UA, three of ROS 2.
 INTERFACES = "interfaces"
-MORE = (*PAGES, INTERFACES)
+# Who commands in the place of the planner: the page, or a ROS 2 publisher (deployment/hil/commanding.py).
+MORE = (*PAGES, INTERFACES, *KINDS)
 LIMITS = {
     "idle": 1.5,
     "modbus": 1.5,
@@ -41,6 +43,8 @@ LIMITS = {
     "hmi": 1.5,
     "browsers": 1.5,
     "interfaces": 1.5,
+    "page": 1.5,
+    "ros2": 1.5,
 }  # ratio of p99, asked for
 POLICY_P50_US = 150.0
 RATIO = 4.0  # of the median tick and the core's step in it, asked for
@@ -212,16 +216,23 @@ def _ours(bundle: Path, name: str, seconds: float) -> tuple[dict[str, Any], floa
     """Statistics of the cycles, and requests a second that were answered beside them."""
     ticks = round(seconds / TICK_S)
     scenario = load(SCENARIO)
-    hmi = free_port() if name in PAGES else None
-    served = Interfaces(free_port(), free_port(), free_domain()) if name == INTERFACES else None
-    ticks = min(ticks, scenario.duration_ticks)
-    with Rig(Setting(bundle, scenario, ticks=ticks, hmi=hmi, interfaces=served)) as rig:
-        with _load(name, lambda: nullcontext(rig.port), seconds, hmi, served) as found:
+    setting = _setting(bundle, scenario, min(ticks, scenario.duration_ticks), name)
+    with Rig(setting) as rig:
+        command = commanding(rig, name) if name in KINDS else nullcontext()
+        with command, _load(name, lambda: nullcontext(rig.port), seconds, setting) as found:
             rig.begin()
             end = time.monotonic() + seconds
             while time.monotonic() < end and not rig.step():
                 time.sleep(0.01)
         return rig.statistics(), found.get("rps")
+
+
+def _setting(bundle: Path, scenario: Scenario, ticks: int, name: str) -> Setting:
+    hmi = free_port() if name in (*PAGES, PAGE) else None
+    served = None
+    if name in (INTERFACES, ROS2):
+        served = Interfaces(free_port(), free_port(), free_domain(), commands=name == ROS2)
+    return Setting(bundle, scenario, ticks=ticks, hmi=hmi, interfaces=served, planner=name not in KINDS)
 
 
 def _theirs(name: str, seconds: float) -> dict[str, float]:
@@ -234,15 +245,15 @@ def _load(
     name: str,
     port: Callable[[], AbstractContextManager[int]],
     seconds: float,
-    hmi: int | None = None,
-    served: Interfaces | None = None,
+    ours: Setting | None = None,
 ) -> Iterator[dict[str, Any]]:
     with ExitStack() as stack:
         if name == "stress":
             stack.enter_context(loads.stress())
-        if hmi:  # not beside cyclictest: what is compared is the cycle with pages and the computer without
-            stack.enter_context(PAGES[name](hmi))
-        if served:  # neither
+        # Not beside cyclictest: what is compared is the cycle with clients and the computer without.
+        if ours and ours.hmi and name in PAGES:
+            stack.enter_context(PAGES[name](ours.hmi))
+        if ours and (served := ours.interfaces) and name == INTERFACES:
             stack.enter_context(watching(served.foxglove, served.opcua, served.domain))
         yield (
             stack.enter_context(loads.clients(stack.enter_context(port()), seconds))

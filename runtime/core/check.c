@@ -30,15 +30,16 @@ static const int heartbeats[] = {SLR_IN_planner_heartbeat, SLR_IN_operator_heart
 
 static double size_of(double x) { return x < 0.0 ? -x : x; }
 
-/* A service engineer's value in the place of a sensor's: never one that decides who may move, and in STANDBY only.
- * Anywhere else it is as good as none. */
-static int may_be_forced(const SlrState *s, const Signal *signal) {
-  return s->mode == SLR_MODE_STANDBY && (signal->group == SLR_GROUP_SENSOR || signal->group == SLR_GROUP_INFORMATION);
+int slr_is_forceable(int i) {
+  return signals[i].group == SLR_GROUP_SENSOR || signals[i].group == SLR_GROUP_INFORMATION;
 }
+
+/* A service engineer's value in the place of a sensor's, in STANDBY only.  Anywhere else it is as good as none. */
+static int may_be_forced(const SlrState *s, int i) { return s->mode == SLR_MODE_STANDBY && slr_is_forceable(i); }
 
 static uint8_t judged(const SlrInput *in, const SlrState *s, int i) {
   const Signal *signal = &signals[i];
-  const int forced = in->status[i] == SLR_STATUS_FORCED && may_be_forced(s, signal);
+  const int forced = in->status[i] == SLR_STATUS_FORCED && may_be_forced(s, i);
   if (in->status[i] != SLR_STATUS_OK && !forced) return in->status[i];
   if (in->age[i] < 0) return SLR_STATUS_NEVER;
   if (in->age[i] >= signal->timeout) return SLR_STATUS_TIMEOUT;

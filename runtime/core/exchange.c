@@ -4,10 +4,10 @@
 #include <string.h>
 
 #include "bus.h"
+#include "page.h"
+#include "seats.h"
 
 #if defined(__linux__)
-#define START(name, vr, group, min, max, timeout, start) start,
-static const double starts[SLR_IN_COUNT] = {SLR_INPUT_SIGNALS(START)};
 enum { FIRST = SLR_SCAN_FIRST_TARGET, COMMANDED = SLR_SCAN_FIRST_COMMAND, FRAMES_BYTES = SLR_SCAN_HEARD * 8 };
 
 /* ---- the planner (runtime/modbus/port.py) ---- */
@@ -26,25 +26,15 @@ static int take_targets(SlrPlanner *p) {
   return handed_over;
 }
 
-static void put(SlrInput *in, int first, int count, const double *value, int64_t age, SlrStatus status) {
-  memcpy(in->value + first, value, (size_t)count * sizeof *value);
-  for (int i = first; i < first + count; i++) {
-    in->age[i] = (int32_t)age;
-    in->status[i] = (uint8_t)status;
-  }
-}
-
-static int64_t ticks_since(int64_t then, int64_t now) { return now > then ? (now - then) / SLR_SCAN_PERIOD_NS : 0; }
-
 void slr_hear_planner(SlrPlanner *p, SlrInput *in, int64_t now) {
   const int handed_over = take_targets(p);
   p->lost = now - (p->stamp ? p->stamp : p->started) > p->late * SLR_SCAN_PERIOD_NS;
   if (!p->commits || !p->heartbeat || handed_over) {
-    put(in, FIRST, SLR_SCAN_TARGETS, starts + FIRST, -1, SLR_STATUS_NEVER);
+    slr_put_none(in, FIRST, SLR_SCAN_TARGETS);
     return;
   }
-  const int64_t age = ticks_since(p->heartbeat, now);
-  put(in, FIRST, SLR_SCAN_TARGETS, p->value, age, age >= p->late ? SLR_STATUS_TIMEOUT : SLR_STATUS_OK);
+  const int64_t age = slr_ticks_since(p->heartbeat, now);
+  slr_put(in, FIRST, SLR_SCAN_TARGETS, p->value, age, age >= p->late ? SLR_STATUS_TIMEOUT : SLR_STATUS_OK);
 }
 
 /* ---- the policy outside (runtime/interfaces/outside.py) ---- */
@@ -63,12 +53,12 @@ static int take_commands(SlrOutside *o) {
 
 void slr_hear_outside(SlrOutside *o, SlrInput *in, int64_t now) {
   const int handed_over = take_commands(o);
-  const int64_t age = ticks_since(o->made, now);
+  const int64_t age = slr_ticks_since(o->made, now);
   const SlrStatus status = age >= o->late ? SLR_STATUS_TIMEOUT : SLR_STATUS_OK;
   if (!o->owner || handed_over)
-    put(in, COMMANDED, SLR_SCAN_COMMANDS, starts + COMMANDED, -1, SLR_STATUS_NEVER);
+    slr_put_none(in, COMMANDED, SLR_SCAN_COMMANDS);
   else
-    put(in, COMMANDED, SLR_SCAN_COMMANDS, o->value, age, status);
+    slr_put(in, COMMANDED, SLR_SCAN_COMMANDS, o->value, age, status);
 }
 
 void slr_show_images(const SlrPlanner *p, const SlrInput *in, const SlrOutput *out, int64_t now) {
@@ -76,50 +66,30 @@ void slr_show_images(const SlrPlanner *p, const SlrInput *in, const SlrOutput *o
   slr_cell_write(&p->image, parts, 3);
 }
 
-/* ---- seats and page (runtime/interfaces/port.py, runtime/hmi/port.py): what there is to decide, Python decides ---- */
+/* ---- seats and page (seats.c, page.c) ---- */
 
-static int asks(SlrAsked *a) {
-  if (!a->cell.memory) return 0;
-  const int64_t number = slr_cell_number(&a->cell);
-  if (number == a->seen) return (int)a->asks;
-  const uint8_t *state = slr_cell_peek(&a->cell);
-  SlrTargets targets;
-  uint32_t more = 0;
-  memcpy(&targets, state, sizeof targets);
-  if (a->more) memcpy(&more, state + sizeof targets, sizeof more);
-  a->asks = targets.owner || more;
-  if (slr_cell_number(&a->cell) == number) a->seen = number;
-  return (int)a->asks;
+static int is_claimed(const SlrPlanner *p) { return p->present && p->owner && !p->lost; }
+static int is_seated(const SlrScan *s) { return s->seats && ((const SlrSeats *)s->seats)->who; }
+
+void slr_decide(SlrScan *s) {
+  if (!s->seats && !s->page) return;
+  const int claimed = is_claimed(&s->planner); /* by a Modbus client that may not have written yet */
+  const int64_t now = slr_now(), mode = (int64_t)((const SlrOutput *)s->outputs)->value[SLR_OUT_control_mode];
+  if (s->seats) slr_seats_receive(s->seats, s->inputs, now, mode, claimed || (s->page && slr_page_commands(s->page)));
+  if (s->page) slr_page_receive(s->page, s->inputs, now, mode, claimed || is_seated(s));
 }
 
-/* Whether a planner is alive, or a Modbus client has the right to be one. */
-static int is_planned(const SlrScan *s) {
-  const SlrInput *in = s->inputs;
-  const int beat = SLR_IN_planner_heartbeat;
-  const int fresh = in->status[beat] == SLR_STATUS_OK && in->age[beat] >= 0 && in->age[beat] < s->planner.late;
-  return fresh || (s->planner.present && s->planner.owner && !s->planner.lost);
-}
-
-int slr_somebody_asks(SlrScan *s) {
-  SlrPageEnd *p = &s->page;
-  int found = s->seats_busy || p->busy;
-  for (int i = 0; i < SLR_SCAN_SEATS; i++) found |= asks(&s->seats[i]);
-  if (!p->present) return found;
-  found |= asks(&p->asked);
-  return found || (s->tick.number >= p->next && p->writer != is_planned(s));
-}
-
-void slr_count_heard(SlrPageEnd *p, const SlrInput *in) {
-  int64_t *frames = p->frames;
-  for (int i = 0; p->present && i < SLR_SCAN_HEARD; i++) frames[i] += in->age[p->heard[i]] == 0;
+uint32_t slr_page_flags(const SlrScan *s) {
+  return s->page && ((const SlrPageEnd *)s->page)->granted.forcing ? SLR_FLAG_FORCED : 0;
 }
 
 static void write_page(const SlrScan *s) {
+  const SlrPageEnd *p = s->page;
   const SlrScanCounts *c = s->counts;
   const SlrTimes *late = s->lateness, *policy = s->policy_work, *other = s->other_work;
   const int64_t worst = other->largest > policy->largest ? other->largest : policy->largest;
   const int64_t unrecorded = s->record.ring.words ? slr_ring_lost(&s->record.ring) : 0;
-  const int64_t head[] = {slr_now(), slr_day(), s->page.writer, s->page.forcing, c->ticks, c->overruns,
+  const int64_t head[] = {slr_now(), slr_day(), p->granted.writer, p->granted.forcing, c->ticks, c->overruns,
                           c->stolen, c->skipped, unrecorded, late->largest, worst};
   int64_t told[SLR_LADDER];
   slr_ladder(s->inputs, s->core, told);
@@ -127,19 +97,21 @@ static void write_page(const SlrScan *s) {
                            {late->coarse, sizeof late->coarse},
                            {policy->coarse, sizeof policy->coarse},
                            {other->coarse, sizeof other->coarse},
-                           {s->page.frames, FRAMES_BYTES},
-                           {s->page.refused, 2 * FRAMES_BYTES},
+                           {p->frames, FRAMES_BYTES},
+                           {p->refused, 2 * FRAMES_BYTES},
                            {told, sizeof told},
                            {s->inputs, sizeof(SlrInput)},
                            {s->outputs, sizeof(SlrOutput)}};
-  slr_cell_write(&s->page.seen, parts, sizeof parts / sizeof *parts);
+  slr_cell_write(&p->seen, parts, sizeof parts / sizeof *parts);
 }
 
 void slr_show_page(SlrScan *s) {
+  SlrPageEnd *p = s->page;
   const int64_t tick = s->tick.number, every = SLR_SCAN_PAGE_EVERY;
-  if (!s->page.present || tick < s->page.next) return;
+  if (!p || tick < p->next) return;
   const int64_t since = ((tick - SLR_SCAN_PAGE_PHASE) % every + every) % every; /* not 0 where ticks were skipped */
-  s->page.next = tick + every - since;
+  p->next = tick + every - since;
+  slr_page_settle(p, s->inputs, is_claimed(&s->planner) || is_seated(s));
   write_page(s);
 }
 

@@ -12,10 +12,9 @@ void slr_hear_outside(SlrOutside *o, SlrInput *in, int64_t now);
 /* Both images, for whoever looks. */
 void slr_show_images(const SlrPlanner *p, const SlrInput *in, const SlrOutput *out, int64_t now);
 
-/* Whether Python has something to decide about seats and page. */
-int slr_somebody_asks(SlrScan *s);
-/* Which messages came in this tick, for the page. */
-void slr_count_heard(SlrPageEnd *p, const SlrInput *in);
+/* Who commands at the seats and the page, and what is forced. */
+void slr_decide(SlrScan *s);
+uint32_t slr_page_flags(const SlrScan *s);
 /* Everything for the page, if it is time. */
 void slr_show_page(SlrScan *s);
 

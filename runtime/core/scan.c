@@ -130,18 +130,17 @@ static int64_t read_all(SlrScan *s) {
   hear_devices(s);
   if (s->planner.present) slr_hear_planner(&s->planner, in, slr_now());
   if (s->outside.present) slr_hear_outside(&s->outside, in, slr_now());
-  return (s->attends ? SLR_ATTEND_ALWAYS : 0) | (slr_somebody_asks(s) ? SLR_ATTEND_ASKED : 0) |
-         (s->wires.gone || s->devices.gone ? SLR_ATTEND_BUS : 0);
+  return (s->attends ? SLR_ATTEND_ALWAYS : 0) | (s->wires.gone || s->devices.gone ? SLR_ATTEND_BUS : 0);
 }
 
 /* ---- between ---- */
 
 static uint32_t flags_of(SlrScan *s) {
   const int64_t tick = s->tick.number;
-  uint32_t flags = (uint32_t)(s->granted | s->flags | s->wires.flags | s->devices.flags);
+  uint32_t flags = (uint32_t)(s->granted | s->wires.flags | s->devices.flags);
   if (s->planner.present && s->planner.lost) flags |= SLR_FLAG_MODBUS_LOST;
   if (tick < s->stolen_until) flags |= SLR_FLAG_STOLEN_TIME;
-  flags |= slr_retain_flags(&s->published, tick) | slr_record_flags(&s->record, tick);
+  flags |= slr_page_flags(s) | slr_retain_flags(&s->published, tick) | slr_record_flags(&s->record, tick);
   ((SlrScanCounts *)s->counts)->flags_seen |= flags;
   return flags;
 }
@@ -229,7 +228,7 @@ int64_t slr_scan(SlrScan *s, int64_t tick, int64_t deadline) {
 }
 
 void slr_scan_rest(SlrScan *s) {
-  if (!(s->tick.attend & SLR_ATTEND_ASKED)) slr_count_heard(&s->page, s->inputs); /* else Python has */
+  slr_decide(s);
   ((SlrInput *)s->inputs)->flags = flags_of(s);
   slr_keep_state(s);
   step(s);

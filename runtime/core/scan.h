@@ -22,8 +22,7 @@ typedef struct {
 /* What Python has to do before the cycle goes on. */
 enum {
   SLR_ATTEND_ALWAYS = 1, /* SlrScan.attends */
-  SLR_ATTEND_ASKED = 2,  /* somebody asks for the right to command, or has it; something is to be forced */
-  SLR_ATTEND_BUS = 4,    /* a bus is gone: join it again */
+  SLR_ATTEND_BUS = 2,    /* a bus is gone: join it again */
 };
 
 SLR_EXPORT const char *slr_scan_layout(void);

@@ -4,13 +4,16 @@
 
 #include <stdint.h>
 
-#define SLR_SCAN_LAYOUT "844e675e7211ba4e"
+#define SLR_SCAN_LAYOUT "e492f9b4a67c367f"
 #define SLR_SCAN_TARGETS 8
 #define SLR_SCAN_FIRST_TARGET 0
 #define SLR_SCAN_HEARD 19
 #define SLR_SCAN_COMMANDS 4
 #define SLR_SCAN_FIRST_COMMAND 8
 #define SLR_SCAN_SEATS 2
+#define SLR_SCAN_NOBODY 0
+#define SLR_SCAN_PLANNER 1
+#define SLR_SCAN_PAGE 2
 #define SLR_SCAN_LOCAL 1
 #define SLR_SCAN_SOCKETCAN 2
 #define SLR_SCAN_PERIOD_NS 20000000
@@ -104,21 +107,47 @@ typedef struct {
 } SlrOutside;
 typedef struct {
   SlrCellEnd cell;
-  int64_t more;
+  int64_t number;
   int64_t seen;
-  int64_t asks;
-} SlrAsked;
+  int64_t ended;
+  SlrTargets asked;
+} SlrSeat;
 typedef struct {
-  int64_t present;
-  SlrAsked asked;
-  int64_t busy;
+  SlrCellEnd granted;
+  int64_t late;
+  SlrSeat seat[2];
+  int64_t who;
+  int64_t owner;
+  int64_t draining;
+} SlrSeats;
+typedef struct {
+  SlrTargets targets;
+  double value[60];
+  uint32_t force_number;
+  uint8_t forced[60];
+  uint8_t pad[8];
+} SlrHmi;
+typedef struct {
+  uint32_t writer;
+  uint32_t owner;
+  uint32_t forcing;
+  uint32_t force_ended;
+} SlrGrant;
+typedef struct {
   SlrCellEnd seen;
-  int64_t next;
-  int64_t writer;
-  int64_t forcing;
-  void *frames;
-  int64_t heard[19];
+  SlrCellEnd grant;
+  SlrCellEnd asked;
   void *refused;
+  int64_t heard[19];
+  int64_t late;
+  int64_t taken;
+  SlrHmi newest;
+  SlrGrant granted;
+  int64_t ended;
+  int64_t draining;
+  int64_t quiet;
+  int64_t next;
+  int64_t frames[19];
 } SlrPageEnd;
 typedef struct {
   int64_t present;
@@ -165,15 +194,13 @@ typedef struct {
   int64_t waits;
   int64_t attends;
   int64_t granted;
-  int64_t flags;
   SlrBusEnd wires;
   SlrBusEnd devices;
   SlrDevices setting;
   SlrPlanner planner;
   SlrOutside outside;
-  SlrAsked seats[2];
-  int64_t seats_busy;
-  SlrPageEnd page;
+  void *seats;
+  void *page;
   SlrPublished published;
   SlrRecord record;
   void *counts;

@@ -80,6 +80,8 @@ void slr_geometry(const double *joints, const double *target, double *walls, dou
 void slr_check(const SlrInput *in, SlrState *s, SlrView *view);
 /* First lost input of a group (of sensors and the policy outside: one that is needed); -1: all are well. */
 int slr_first_lost(const SlrView *view, SlrGroup group);
+/* Whether an input may be forced: not what decides who may move (switches, readiness, targets). */
+int slr_is_forceable(int i);
 /* First input that is not only information and whose message two nodes send; -1: none. */
 int slr_first_doubled(const SlrView *view);
 /* The next mode, with fault and fault_signal; `view` and the switches of the last step decide: mode.c. */

@@ -17,6 +17,7 @@ from runtime.modbus.cells import TARGETS
 from runtime.shared import Cell
 from runtime.statistics import COARSE_BINS
 
+EVERY, PHASE = 5, 3  # ticks between two states of `seen`; not in the ticks of the policy
 SEEN_FILE, GRANT_FILE, HMI_FILE = "seen.cell", "grant.cell", "hmi.cell"
 
 
@@ -87,13 +88,13 @@ GRANT = np.dtype(
 )
 HMI = np.dtype(
     [
-        ("targets", TARGETS),  # begins with ASKED_HEAD
+        ("targets", TARGETS),
+        ("value", "<f8", (len(INPUT.signals),)),  # what is to be forced, where `forced` is not 0
         ("force_number", "<u4"),  # another one for each change; 0: nothing is to be forced
         ("forced", "u1", (len(INPUT.signals),)),
-        ("value", "<f8", (len(INPUT.signals),)),
+        ("pad", "u1", (-(4 + len(INPUT.signals)) % 8 or 8,)),  # to a whole number of 8 bytes
     ]
 )
-ASKED_HEAD = struct.Struct("<qqII")  # stamp_ns, heartbeat_ns, commits, owner
 CELLS = ((SEEN_FILE, SEEN, "seen"), (GRANT_FILE, GRANT, "grant"), (HMI_FILE, HMI, "hmi"))
 
 

@@ -31,7 +31,12 @@ def create(folder: Path, names: tuple[str, ...]) -> None:
     """Make the cells in a private folder: one for each interface, and the one of who has the right."""
     for name in names:
         Cell.create(_path(folder, name), TARGETS.itemsize, HOLDS_SEAT).close()
-    Cell.create(folder / GRANTED_FILE, GRANTED.itemsize, HOLDS_GRANTED).close()
+    create_granted(folder).close()
+
+
+def create_granted(folder: Path) -> Cell:
+    """Only the cell of who has the right."""
+    return Cell.create(folder / GRANTED_FILE, GRANTED.itemsize, HOLDS_GRANTED)
 
 
 def join(folder: Path, name: str) -> Cell:

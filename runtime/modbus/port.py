@@ -62,10 +62,6 @@ class ModbusPort:
         self._stamp_ns, self._heartbeat_ns = other._stamp_ns, other._heartbeat_ns
         self._owner = other._owner
 
-    def know(self, owner: int, lost: bool) -> None:
-        """What the cycle in C knows of the writer (runtime/native_scan.py)."""
-        self._owner, self._lost = owner, lost
-
     def _take(self, number: int, state: bytes) -> None:
         """A state of targets.cell."""
         newest = np.frombuffer(state, TARGETS)[0]

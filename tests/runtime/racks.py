@@ -40,6 +40,8 @@ from tests.runtime.can.test_native import Frame
 NOW = 1 << 62  # later than any clock
 SENDERS = [n for n in definition().bus.nodes if n != "Controller"]
 NAMES = [s.name for s in HOLDING]
+WHERE = [INPUT.at(name) for name in NAMES]
+FRESH = 20  # ticks of age, before anybody's claim is over
 IMAGES = INPUT.dtype.itemsize + OUTPUT.dtype.itemsize
 FULL = Rights(fifo=True, locked=True)
 
@@ -103,11 +105,11 @@ class Rack:
         modbus = ModbusPort(self.image, self.targets)
         modbus.started_ns = NOW  # so that its loss does not depend on how fast this computer is
         asked = [Asked(i + 1, cell) for i, cell in enumerate(self.seats)]
-        claims = SeatsPort(asked, granted, modbus.claimed)
+        claims = SeatsPort(asked, granted, self.core.library, modbus.claimed)
         wires = NativePort(self.bus, self.core.library, stick)
         page = HmiPort(
-            self.pages, found, lambda: modbus.claimed() or claims.claimed(), lambda: self.ring.lost,
-            wires.refused, self.core.ladder,
+            self.pages, self.core.library, found, lambda: modbus.claimed() or claims.claimed(),
+            lambda: self.ring.lost, wires.refused(), self.core.ladder,
         )  # fmt: skip
         claims.page = page.commands
         kept = Publisher(self.counts, found, self.retain, ("control_mode", "load_estimate"))
@@ -167,10 +169,12 @@ def timeless(kind: int, data: bytes) -> tuple[int, int, bytes]:
 
 
 def _settled(images: bytes) -> bytes:
-    """Images in which everything that is old is equally old: when exactly the cycle ran does not count."""
+    """Images without what depends on when the cycle ran: old values are equally old, so are new targets."""
     size = INPUT.dtype.itemsize
     inputs = np.frombuffer(images[:size], INPUT.dtype).copy()
     inputs["age"] = np.minimum(inputs["age"], 1000)
+    targets = inputs["age"][0, WHERE]
+    inputs["age"][0, WHERE] = np.where((targets > 0) & (targets < FRESH), 0, targets)
     return inputs.tobytes() + images[size:]
 
 
@@ -185,6 +189,7 @@ class Pair:
         self._noise = lambda: {n: float(noise.normal(0, 1e-3)) for n in NOISY}
         self._senders = {n: Transmitter(n, INPUT.index) for n in SENDERS}
         self.told: dict[str, Any] = {}
+        self._page: np.ndarray | None = None
 
     def regular(self, tick: int, changes: Mapping[str, float] = {}, planner: bool = True) -> list[Frame]:
         """Frames of a machine, an operator and a planner that are well."""
@@ -199,11 +204,26 @@ class Pair:
         return [(i | EXTENDED, d, NOW) for s in senders for i, d in s.due(values.tolist(), tick)]
 
     def write(self, what: str, state: np.ndarray) -> None:
+        """What somebody asks for; a page that is alive then gives a sign of life in every tick."""
+        if what == "page":
+            self._page = state if state["targets"]["heartbeat_ns"] == NOW else None
+        self._write(what, state)
+
+    def _beat(self) -> None:
+        """Of the page: what it says of the future does not count, as it does at the seats."""
+        if self._page is not None:
+            targets = self._page["targets"]
+            targets["stamp_ns"] = targets["heartbeat_ns"] = time.monotonic_ns()
+            self._write("page", self._page)
+
+    def _write(self, what: str, state: np.ndarray) -> None:
         for rack in self.racks:
             cells = {"page": rack.pages[2], "modbus": rack.targets, "outside": rack.outside}
-            cells.get(what, rack.seats[0]).write(state)
+            seats_ = dict(zip(("seat", "second seat"), rack.seats, strict=True))
+            (cells | seats_)[what].write(state)
 
     def tick(self, tick: int, given_frames: Sequence[Frame] = ()) -> None:
+        self._beat()
         for rack in self.racks:
             rack.bus.say(given_frames)
         expected, found = (rack.tick(tick) for rack in self.racks)

@@ -20,7 +20,7 @@ from runtime.can.socketcan import FRAME_BYTES
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED
 from runtime.canopen.cells import NODES
-from runtime.hmi.cells import HMI
+from runtime.hmi.cells import GRANT, HMI
 from runtime.image import INPUT, OUTPUT, TICK_S, Flag, Status
 from runtime.interfaces.outside import COMMAND, COMMANDS
 from runtime.modbus.cells import TARGETS
@@ -30,7 +30,7 @@ from runtime.scan import PERIOD_NS, Scan
 from runtime.shared import private_folder
 from runtime.statistics import Statistics
 from specs.signals import signals
-from tests.runtime.bench import TARGET
+from tests.runtime.bench import AUTOMATIC, TARGET
 from tests.runtime.bundles import core
 from tests.runtime.can.test_native import Frame, frames
 from tests.runtime.can.test_socketcan import Line as CanLine
@@ -50,6 +50,11 @@ from tests.runtime.racks import (
 )
 from tests.runtime.stand_in import StandIn
 from tests.runtime.test_scan import Clock
+
+KINDS = (
+    *("frames", "frames", "regular", "regular", "silence"),
+    *("page", "seat", "second seat", "modbus", "outside"),
+)
 
 
 def asked(kind: str, owner: int, alive: int, commits: int, values: Sequence[float], force: int) -> np.ndarray:
@@ -74,11 +79,7 @@ def commanded(owner: int, alive: int, values: Sequence[float]) -> np.ndarray:
 
 @st.composite
 def events(draw: st.DrawFn) -> tuple[str, Any]:
-    kind = draw(
-        st.sampled_from(
-            ["frames", "frames", "regular", "regular", "page", "seat", "modbus", "outside", "silence"]
-        )
-    )
+    kind = draw(st.sampled_from(KINDS))
     if kind == "frames":
         return kind, draw(st.lists(frames(), max_size=8))
     if kind in ("regular", "silence"):
@@ -93,7 +94,7 @@ def events(draw: st.DrawFn) -> tuple[str, Any]:
 def told(pair: Pair, story: Sequence[tuple[str, Any]]) -> None:
     tick = 0
     for kind, what in story:
-        if kind in ("page", "seat", "modbus", "outside"):
+        if kind in ("page", "seat", "second seat", "modbus", "outside"):
             pair.write(kind, what)
         for _ in range(what if kind in ("regular", "silence") else 1):
             switches = {"operator_enable": float(tick > 4), "automatic_request": float(tick > 8)}
@@ -129,6 +130,33 @@ def test_a_drive_into_automatic_operation_is_the_same_with_skipped_ticks_and_a_f
     assert moved
     assert pair.told["seen"] & Flag.RECORDER_LOST  # nobody says that the queue is read
     assert pair.told["latency"] > 0
+    pair.close()
+
+
+@pytest.mark.parametrize("who", ["page", "seat", "second seat"])
+def test_whoever_commands_a_tick_is_one_call(
+    who: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drive of one who then gives the right back, while others ask for it: Python decides nothing."""
+    pair, modes, x = Pair(tmp_path), set(), INPUT.at("target_x")
+    monkeypatch.setattr(pair.native.scan, "_attend", lambda *_: pytest.fail("Python took part"))
+    values, others = ([{**TARGET, "target_x": at}.get(n, 0.0) for n in NAMES] for at in (5.0, 9.0))
+    if who == "seat":  # the first of those that ask in one tick
+        for other in ("page", "second seat"):
+            pair.write(other, asked(other, 8, 2, 1, others, 0))
+    pair.write(who, asked(who, 7, 2, 1, values, 0))
+    for tick in range(90):
+        if tick == 60:
+            pair.write(who, asked(who, 0, 0, 0, values, 0))
+        switches = {"operator_enable": float(tick > 8), "automatic_request": float(tick > 12)}
+        pair.tick(tick, pair.regular(tick, switches, planner=False))
+        mode = int(pair.native.core.outputs["value"][OUTPUT.at("control_mode")])
+        modes.add(mode)
+        if tick < 60 or mode == AUTOMATIC:
+            expected = (5.0, Status.OK) if tick < 60 else (0.0, Status.NEVER)
+            inputs = pair.native.scan.inputs
+            assert (inputs["value"][x], inputs["status"][x]) == expected, tick
+    assert AUTOMATIC in modes
     pair.close()
 
 
@@ -314,6 +342,8 @@ def test_ports_and_buses_that_c_cannot_have_are_told(tmp_path: Path) -> None:
 
 def test_layouts_are_those_of_the_cells() -> None:
     assert np.dtype(scan_layout.Targets) == TARGETS
+    assert np.dtype(scan_layout.Hmi) == HMI
+    assert np.dtype(scan_layout.Grant) == GRANT
     assert np.dtype(scan_layout.Command) == COMMAND
     assert scan_layout.write(check=True) == []
     assert can_port.FRAMES_A_TICK <= 128

@@ -46,7 +46,7 @@ def drive(folder: Path, rehearsed: bool) -> tuple[list[bytes], list[tuple[int, b
     folder.mkdir()
     port, modbus = NativePort(source, control.library), ModbusPort(*create(folder))
     cells = create_hmi(folder)
-    hmi = HmiPort(cells, Statistics())
+    hmi = HmiPort(cells, control.library, Statistics())
     twin = Rehearsal(control, [port, modbus, hmi], folder / "twin", recorder=True)
     senders = [
         Transmitter(n, INDEX) for n in definition().bus.nodes if n in ("Machine", "Operator", "Planner")

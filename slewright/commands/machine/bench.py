@@ -46,7 +46,8 @@ def runtime(
     load: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME", help="idle, modbus, stress (default: these), hmi, browsers, interfaces."
+            metavar="NAME",
+            help="idle, modbus, stress (default: these), hmi, browsers, interfaces, page, ros2.",
         ),
     ] = None,
     json: JsonOption = None,

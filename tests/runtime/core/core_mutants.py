@@ -1,6 +1,7 @@
-"""Mutants of check.c and mode.c: the tests of inputs and state machine must find every one.
+"""Mutants of check.c and mode.c, of seats.c and page.c: the tests of inputs and state machine, and those of
+who commands, must find every one.
 
-    python -m tests.runtime.core.core_mutants [check.c] [mode.c]
+    python -m tests.runtime.core.core_mutants [check.c] [mode.c] [seats.c] [page.c]
 
 Each mutant is linked into the core of the tests' bundle; a process forked for it runs the tests until the
 first failure.  What survives is a hole in the tests or the same program; the latter are listed in EQUAL.
@@ -10,6 +11,7 @@ import os
 import resource
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,8 +24,14 @@ from specs.errors import RunError
 from tests.runtime import bundles
 from tests.runtime.core.mutants import Mutant, mutants
 
-FILES = ("check.c", "mode.c")
-TESTS = tuple(f"tests/runtime/core/test_{name}.py" for name in ("check", "mode", "restart"))
+OF_CORE = tuple(f"tests/runtime/core/test_{name}.py" for name in ("check", "mode", "restart"))
+OF_COMMANDS = ("tests/runtime/interfaces/test_seats.py", "tests/runtime/hmi/test_port.py")
+TESTS = {
+    "check.c": OF_CORE,
+    "mode.c": OF_CORE,
+    "seats.c": OF_COMMANDS,
+    "page.c": OF_COMMANDS,
+}
 MOST_CPU_S = 120  # of a mutant's tests, which take 5: a loop without end
 EQUAL = {  # part of the mutated line: why it is the same program, or what else finds it
     "for (int i = 1; i < SLR_OUT_COUNT; i++) view->board": "controllers write the slew command in every tick",
@@ -52,6 +60,12 @@ EQUAL = {  # part of the mutated line: why it is the same program, or what else 
     "view->reach > 0.0": "a target is never exactly at the end of reach",
     "]])  >= SLR_MOVING": "a measured rate is never exactly the limit",
     "board[i])  >= SLR_DEFLECTED": "a joystick is never exactly at the limit: its steps are finer",
+    "starts - first": "targets are the first inputs",
+    "now  >= then ? (now - then)": "0 either way",
+    "if (!seat->cell.memory) return 1": "nobody is alive there; only sooner done",
+    "int asks = 1": "as above",
+    "i  <= SLR_SCAN_SEATS": "one step past the end: for the sanitizers",
+    "i  <= SLR_SCAN_HEARD": "as above",
 }
 
 
@@ -93,7 +107,7 @@ class Workshop:
         child = os.fork()
         if child == 0:
             resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S, MOST_CPU_S))
-            os._exit(_tested(self.made, path))
+            os._exit(_tested(self.made, path, TESTS[name]))
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
 
     def restore(self, name: str) -> None:
@@ -103,7 +117,7 @@ class Workshop:
         compiler.compile_object(original, self.folder / f"{original.stem}.o", self.host, flags)
 
 
-def _tested(made: Bundle, path: Path) -> int:
+def _tested(made: Bundle, path: Path, tests: Sequence[str]) -> int:
     """pytest's exit code with that core; nothing of it is shown."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
@@ -111,7 +125,7 @@ def _tested(made: Bundle, path: Path) -> int:
     fields = {name: getattr(made, name) for name in Bundle.__dataclass_fields__}
     other = Mutated(**fields, path=path)
     bundles.built = lambda *_: other  # type: ignore[assignment]
-    return int(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *TESTS]))
+    return int(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]))
 
 
 def survivors(name: str, every: int = 1) -> tuple[int, list[Mutant]]:
@@ -128,7 +142,7 @@ def survivors(name: str, every: int = 1) -> tuple[int, list[Mutant]]:
 def main(names: list[str]) -> int:
     """Try all; 1 if any survives."""
     left = 0
-    for name in names or FILES:
+    for name in names or TESTS:
         count, alive = survivors(name)
         print(f"{name}: {count} mutants, {len(alive)} survive", flush=True)
         for m in alive:

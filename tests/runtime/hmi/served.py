@@ -42,7 +42,7 @@ class Served:
         self.bench.set(p_pump=2.1e7)
         self.found = Statistics()
         cells = create(folder)
-        self.port = HmiPort(cells, self.found)
+        self.port = HmiPort(cells, core.library, self.found)
         self.hub, self.audit = Hub(), Audit(folder / "audit")
         around = of_bundle(scene_of(core.bundle.folder))
         self.watch = Watch(cells, self.audit, self.hub, around=around)

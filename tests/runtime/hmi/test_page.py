@@ -8,6 +8,7 @@ import pytest
 
 from runtime.hmi import desk as desks, watch
 from runtime.hmi.alarms import Condition, Level
+from runtime.modbus.port import PERIOD_NS
 from runtime.shared import private_folder
 from tests.runtime.bench import STANDBY
 from tests.runtime.bundles import core
@@ -31,7 +32,7 @@ def served() -> Iterator[Served]:
     """One for all tests; rights do not lapse here, since a test's computer may be slow."""
     folder, patch = private_folder("slewright-test-"), pytest.MonkeyPatch()
     patch.setattr(desks, "LAPSE_NS", LONG)
-    patch.setattr("runtime.hmi.port.timeout_ticks", lambda signal: LONG)
+    patch.setattr("runtime.hmi.port.timeout_ticks", lambda signal: LONG // PERIOD_NS)
     patch.setattr("runtime.hmi.watch.STALE_NS", LONG)
     with Served(core("pd"), folder) as found:
         yield found

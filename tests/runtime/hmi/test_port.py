@@ -29,8 +29,8 @@ class Rack:
         monkeypatch.setattr(time, "monotonic_ns", lambda: self.now)
         self.cells = create(folder)
         self.claimed = False
-        self.port = HmiPort(self.cells, Statistics(), lambda: self.claimed)
         self.bench = Bench(core("pd"))
+        self.port = HmiPort(self.cells, self.bench.core.library, Statistics(), lambda: self.claimed)
         self.planner = False
         self.asked = np.zeros((), HMI)
         self.asked["targets"]["value"] = [s.start for s in HOLDING]
@@ -194,6 +194,60 @@ def test_forcing_ends_with_the_process_that_asked_for_it(rack: Rack):
     assert rack.tick(10).granted()[2] == 0
 
 
+def test_a_forced_value_is_a_new_one_and_ends_when_nobody_asks_for_it(rack: Rack):
+    rack.tick(2)
+    rack.force(5, q_boom=0.9)
+    rack.tick(3)
+    assert rack.bench.image["age"][INPUT.at("q_boom")] == 0
+    rack.force(0)
+    assert rack.tick(1).granted()[2:] == (0, 0)
+    assert rack.bench.image["status"][INPUT.at("q_boom")] == Status.OK
+    rack.asked["forced"][INPUT.at("q_boom")] = 1  # without a number
+    rack.ask(7)
+    rack.tick(2)
+    assert rack.bench.image["status"][INPUT.at("q_boom")] == Status.OK
+
+
+def decided(rack: Rack, ahead_ns: int) -> tuple[int, ...]:
+    """What is granted so long after the page said what it says."""
+    rack.now += ahead_ns
+    rack.bench.now += 1
+    rack.bench.fill()
+    for s in HOLDING:
+        rack.bench.image["status"][INPUT.at(s.name)] = Status.NEVER
+    rack.port.receive(rack.bench.image, rack.bench.now)
+    return rack.granted()
+
+
+@pytest.mark.parametrize(("ahead_ns", "writes", "forces"), [
+    (0, True, True), (SECOND // 50, True, True), (SECOND // 2 - 1, True, True),
+    (SECOND // 2, False, True), (SECOND // 2 + 1, False, False), (-1, False, True),
+])  # fmt: skip
+def test_a_page_lives_for_half_a_second_and_not_in_the_future(
+    rack: Rack, ahead_ns: int, writes: bool, forces: bool
+):
+    rack.tick(2)
+    rack.asked["targets"]["owner"] = 7
+    rack.force(5, q_boom=0.9)
+    assert decided(rack, ahead_ns) == (
+        Writer.HMI if writes else Writer.NOBODY,
+        7 if writes else 0,
+        5 if forces else 0,
+        0 if forces else 5,
+    )
+
+
+def test_a_page_commands_while_it_has_the_right_and_while_its_target_is_followed(rack: Rack):
+    assert not rack.tick(3).port.commands()
+    rack.automatic()
+    assert rack.port.commands()
+    rack.ask(0)
+    rack.tick(1)
+    assert rack.granted()[0] == Writer.NOBODY
+    assert rack.port.commands()
+    assert not rack.tick(3).port.commands()
+
+
 def test_what_is_shown_is_what_the_core_saw(rack: Rack):
     rack.tick(2)
     rack.force(5, q_boom=0.9)
@@ -212,9 +266,9 @@ def test_while_pages_only_look_a_planner_is_shown_all_the_same(rack: Rack):
     assert rack.granted()[0] == Writer.PLANNER
 
 
-def test_every_frame_that_was_heard_is_counted_once(rack: Rack):
-    """Of a message that comes in every third tick, and ticks that are skipped."""
-    name = "SlewPosition"
+@pytest.mark.parametrize("name", ["SlewPosition", next(iter(MESSAGES)), [*MESSAGES][-1]])
+def test_every_frame_that_was_heard_is_counted_once(rack: Rack, name: str):
+    """Of messages that come in every third tick, and ticks that are skipped."""
     places = [INPUT.at(s.name) for s in INPUT.signals if s.can and s.can.message == name]
     heard = 0
     for tick in [t for t in range(1, 204) if t % 17]:

@@ -13,6 +13,7 @@ from runtime.hmi import desk as desks, web
 from runtime.hmi.live import Live
 from runtime.hmi.sessions import Refused
 from runtime.hmi.web import BODY, HEADERS, Request
+from runtime.modbus.port import PERIOD_NS
 from runtime.shared import private_folder
 from tests.runtime.bench import STANDBY
 from tests.runtime.bundles import core
@@ -27,7 +28,7 @@ def served() -> Iterator[Served]:
     folder = private_folder("slewright-test-")
     patch = pytest.MonkeyPatch()
     patch.setattr(desks, "LAPSE_NS", LONG)
-    patch.setattr("runtime.hmi.port.timeout_ticks", lambda signal: LONG)
+    patch.setattr("runtime.hmi.port.timeout_ticks", lambda signal: LONG // PERIOD_NS)
     with Served(core("pd"), folder) as found:
         yield found
     patch.undo()

@@ -21,6 +21,7 @@ from runtime.interfaces.publish import create
 from runtime.opcua.space import QUALITY
 from runtime.shared import Cell
 from specs.opcua import NAMESPACE, is_whole, node, unit_id
+from tests.runtime.bundles import core
 from tests.runtime.interfaces.beside import Beside, drawn, statuses, value
 from tests.runtime.modbus.certificates import Authority, utf8
 
@@ -40,7 +41,7 @@ class Both:
         granted = seats.join_granted(folder)
         assert granted
         self.granted: Cell = granted
-        self.seats = SeatsPort([Asked(1, seats.join(folder, "opcua"))], granted)
+        self.seats = SeatsPort([Asked(1, seats.join(folder, "opcua"))], granted, core("pd").library)
         self.images = ImagePort(create(folder))
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:

@@ -12,6 +12,7 @@ from runtime.interfaces import seats
 from runtime.interfaces.port import Asked, SeatsPort
 from runtime.interfaces.publish import ImagePort, create
 from specs import ros2
+from tests.runtime.bundles import core
 from tests.runtime.interfaces.beside import Beside, drawn, value
 from tests.runtime.ros2.peer import DOMAINS, Peer, target, until
 
@@ -27,7 +28,7 @@ class Both:
         seats.create(folder, ("ros2",))
         granted = seats.join_granted(folder)
         assert granted
-        self.seats = SeatsPort([Asked(2, seats.join(folder, "ros2"))], granted)
+        self.seats = SeatsPort([Asked(2, seats.join(folder, "ros2"))], granted, core("pd").library)
         self.images = ImagePort(create(folder))
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
