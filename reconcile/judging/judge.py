@@ -25,6 +25,7 @@ class Judged:
     """An answer: its set, sets that may be it as well, probabilities by effect and kind, errors ahead.
 
     `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
+    `posterior`: probability of every set, before those lose what does not earn its place in them.
     """
 
     answer: Key
@@ -35,6 +36,7 @@ class Judged:
     gains: Mapping[Attached, tuple[float, float]]
     refused: Sequence[Mapping[str, str]]
     errors: Mapping[Key, float] = field(default_factory=dict)
+    posterior: Mapping[Key, float] = field(default_factory=dict)
 
 
 class Weights:
@@ -97,7 +99,8 @@ class Judge:
         Where it is not sure, the other sets lose what does not earn its place in them, too: sets that differ
         by such crumbs only are one answer.
         """
-        weights = Weights(self.beam, _simplest(self.beam))
+        posterior = _simplest(self.beam)
+        weights = Weights(self.beam, posterior)
         answer, refused = self._earning(weights.first, weights.kinds)
         if weights.doubted(answer):
             cleaned: dict[Key, float] = {}
@@ -127,6 +130,7 @@ class Judge:
             gains,
             refused,
             dict(self._ahead),
+            posterior,
         )
 
     def _rivals(self, answer: Key, weights: "Weights") -> list[Key]:

@@ -11,7 +11,7 @@ from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, squares
 from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
-from reconcile.judging.answer import Answer, standard_errors
+from reconcile.judging.answer import Answer, errors
 from reconcile.judging.combined import combined
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
@@ -28,13 +28,13 @@ class Verdict:
     residual: str
 
 
-def moved_parameters(core: Core, point: Point) -> dict[str, dict[str, Any]]:
+def moved_parameters(answer: Answer) -> dict[str, dict[str, Any]]:
     """Base parameters that the fit moved by more than their errors and by more than 1 %."""
-    errors, found = standard_errors(point), {}
-    for v in core.model.parameters:
-        if v.name not in errors:
+    error, point, found = errors(answer), answer.point, {}
+    for v in answer.core.model.parameters:
+        if v.name not in error:
             continue
-        new, se = point.values[v.name], errors[v.name]
+        new, se = point.values[v.name], error[v.name]
         if abs(new - v.start) > MOVED * se and abs(new - v.start) > 0.01 * max(abs(v.start), 1e-12):
             interval = [new - 1.96 * se, new + 1.96 * se]
             found[v.name] = {"old": v.start, "new": new, "unit": v.unit, "ci95": interval}
@@ -85,7 +85,7 @@ def judge(answer: Answer) -> Verdict:
     if known and not any(k < KNOWN for k in known.values()) and (untold := _alone(core, known)):
         text = f"Too little excitation: nothing tells {', '.join(untold)}."
         return Verdict("insufficient_excitation", text, left)
-    if moved := moved_parameters(core, point):
+    if moved := moved_parameters(answer):
         return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
     within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"
     return Verdict("agrees", f"Model and recordings agree within {within}.", left)
