@@ -157,12 +157,12 @@ def _units(found: Findings) -> dict[str, str]:
 def _considered(answer: Answer) -> list[dict[str, Any]]:
     """Sets that were fitted, the most probable first, and effects taken out; with the reason."""
     beam, judged = answer.beam, answer.judged
-    best = beam.evidence(judged.answer)
+    best = beam.joint(judged.answer)
     probable = {frozenset(n): p for n, p in judged.sets}
     declared = {_names(k) for k in answer.alternatives}
     rows = []
-    for key in beam.ranked()[:MOST_CONSIDERED]:
-        names, more = _names(key), best - beam.evidence(key)
+    for key in sorted(beam.ranked()[:MOST_CONSIDERED], key=lambda k: -beam.joint(k)):
+        names, more = _names(key), best - beam.joint(key)
         if key == judged.answer:
             because = "the answer"
         elif names in declared:
