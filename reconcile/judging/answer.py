@@ -30,8 +30,8 @@ class Answer:
 
     @property
     def base(self) -> Point:
-        """The model without effects, fitted."""
-        return self.core.base
+        """The model without effects, fitted; where none is named, that is the answer."""
+        return self.core.base if self.present else self.point
 
     @property
     def present(self) -> tuple[Attached, ...]:

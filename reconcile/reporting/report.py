@@ -20,7 +20,9 @@ from records.scores import overall, rms, scores
 __all__ = ["build", "figures", "gather", "write_model"]
 
 MOST_CONSIDERED = 15
+WORSE = 1.1  # times the error of the parameters as they came, from which a worse one is said
 NOT_SHOWN = " On the part held out the gap did not shrink."
+BENT = " On the part held out the model errs less with the parameters that it came with."
 
 
 def build(answer: Answer, verdict: Verdict) -> dict[str, Any]:
@@ -38,7 +40,7 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
     gaps = _gaps(found)
     return {
         "verdict": verdict.name,
-        "sentence": verdict.sentence + (NOT_SHOWN if effects and not _shrunk(gaps) else ""),
+        "sentence": verdict.sentence + _held_out(verdict, gaps),
         "effects": effects,
         "residual_status": verdict.residual,
         "alternatives": [list(s) for s in dict.fromkeys(map(tuple, sets))] if effects else [],
@@ -104,13 +106,15 @@ def _gaps(found: Findings) -> dict[str, Any]:
     }
 
 
-def _shrunk(gaps: dict[str, Any]) -> bool:
-    """Whether the effects bring the held-out part nearer, all signals in units of their floors together.
+def _held_out(verdict: Verdict, gaps: dict[str, Any]) -> str:
+    """What the held-out part says against the answer, all signals in units of their floors together.
 
     It is said, not judged by: what is held out decides nothing.
     """
     before, after = (sum((g[k] / g["floor"]) ** 2 for g in gaps.values()) for k in ("nominal", "after"))
-    return not after >= before  # a model that runs away has no number before
+    if verdict.name in ("named", "ambiguous"):
+        return NOT_SHOWN if after >= before else ""  # a model that runs away has no number before
+    return BENT if verdict.name in ("unexplained", "reestimated") and after > WORSE**2 * before else ""
 
 
 def _by_regime(found: Findings) -> list[dict[str, Any]]:

@@ -31,9 +31,9 @@ def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda answer: {})
     monkeypatch.setattr(verdicts, "combined", lambda core: [])
-    core: Any = SimpleNamespace(known=lambda: {"drag": known}, disturbances=lambda values: {"v": 0.1})
+    core: Any = SimpleNamespace(known=lambda point: {"drag": known}, disturbances=lambda values: {"v": 0.1})
     answer: Any = SimpleNamespace(
-        core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={})
+        core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={}, refused=[])
     )
     found = verdicts.judge(answer)
     assert found.name == name
@@ -77,7 +77,7 @@ def test_one_lag_in_two_places_is_told_by_what_is_above_the_noise(
         next(frozenset({a}) for a in every if a.effect.name == n) for n in ("sensor_lag", "input_lag")
     )
     beam: Any = SimpleNamespace(core=None, points={here: None, there: None}, ranked=lambda: [here, there])
-    beam.evidence = {here: 0.0, there: -nats}.__getitem__
+    beam.joint = {here: 0.0, there: -nats}.__getitem__
     monkeypatch.setattr(judges, "noise", lambda core, point: 0.03)
     judge = judges.Judge(beam)
     monkeypatch.setattr(judge, "ahead", dict(zip((here, there), errors, strict=True)).__getitem__)
@@ -115,3 +115,17 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
     assert found["a"] == 0.1  # at least what its own fit says
     answer.judged.posterior = {1: 1.0}
     assert answers.errors(answer) == pytest.approx(own.errors)
+
+
+def test_what_was_turned_down_is_said_where_nothing_is_named():
+    refused = [
+        {"effect": n, "port": "v", "because": f"takes {k} % away"}
+        for k, n in enumerate(("stiffness", "viscous_friction", "coulomb_friction", "viscous_friction"))
+    ]
+    answer: Any = SimpleNamespace(judged=SimpleNamespace(refused=refused))
+    said = verdicts._turned_down(answer)
+    assert said == (
+        " Likeliest, but turned down: viscous_friction (takes 3 % away) and coulomb_friction (takes 2 % away)."
+    )
+    answer.judged.refused = []
+    assert verdicts._turned_down(answer) == ""
