@@ -119,13 +119,13 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
 
 def test_what_was_turned_down_is_said_where_nothing_is_named():
     refused = [
-        {"effect": n, "port": "v", "because": f"takes {k} % away"}
+        {"effect": n, "port": "v", "because": f"takes {k} %"}
         for k, n in enumerate(("stiffness", "viscous_friction", "coulomb_friction", "viscous_friction"))
     ]
     answer: Any = SimpleNamespace(judged=SimpleNamespace(refused=refused))
     said = verdicts._turned_down(answer)
     assert said == (
-        " Likeliest, but turned down: viscous_friction (takes 3 % away) and coulomb_friction (takes 2 % away)."
+        " Likeliest, but turned down: viscous_friction (takes 3 %) and coulomb_friction (takes 2 %)."
     )
     answer.judged.refused = []
     assert verdicts._turned_down(answer) == ""

@@ -412,7 +412,9 @@ def test_the_one_output_has_the_other_column_as_its_input_and_is_asked_for_no_un
     heat = 300.0 - 8.0 * np.convolve(flow, np.full(5, 0.2), "same")
     file = table(tmp_path / "a.csv", {"time [s]": np.arange(200.0), "flow": flow, "warm [K]": heat})
     start(file, tmp_path / "first")
-    folder, (run,) = opened(file, tmp_path / "first")
-    assert list(run.outputs) == ["warm"] and list(run.inputs) == ["flow"]
+    _, (run,) = opened(file, tmp_path / "first")
+    assert list(run.outputs) == ["warm"]
+    assert list(run.inputs) == ["flow"]
     names = (tmp_path / "first" / "map.toml").read_text()
-    assert "FILL IN" not in names and "'flow' has no unit" in names
+    assert "FILL IN" not in names
+    assert "'flow' has no unit" in names
