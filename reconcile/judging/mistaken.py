@@ -40,9 +40,12 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     clear = error < EVIDENT * errs and point.total < core.base.total
     if (clear and not _silent(core, error, core.fresh, ())) or (error < errs and _likelier(core, point)):
         return _sentence(core, ratios, errs, error, names or {})
-    other = [(_refitted(core, ratios), ratios) for ratios in _rescaled(core, errs)]
-    error, ratios = min(other, key=lambda row: row[0], default=(np.inf, {}))
-    return _sentence(core, ratios, errs, error, names or {}) if error < min(EVIDENT * errs, WRONG) else ""
+    other = [(*_refitted(core, ratios), ratios) for ratios in _rescaled(core, errs)]
+    clear = [row for row in other if row[0] < min(EVIDENT * errs, WRONG)]
+    if not clear:
+        return ""
+    error, _, ratios = min(clear, key=lambda row: row[1])  # the parameters are then as model.py states them
+    return _sentence(core, ratios, errs, error, names or {})
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -167,8 +170,11 @@ def _fit(
     return None if point is None else (ahead(other, point), point)
 
 
-def _refitted(core: Core, ratios: Ratios) -> float:
-    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied."""
+def _refitted(core: Core, ratios: Ratios) -> tuple[float, float]:
+    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied.
+
+    And by how many nats its parameters are then beside what model.py states.
+    """
     runs = {id(r): _multiplied(r, ratios) for r in core.runs}
 
     def moved(blocks: Sequence[Block]) -> tuple[Block, ...]:
@@ -178,8 +184,8 @@ def _refitted(core: Core, ratios: Ratios) -> float:
     try:
         other = Core(core.folder, parts, (), core.share)
     except InputError:  # the model runs away
-        return float("inf")
-    return ahead(other, other.base)
+        return np.inf, np.inf
+    return ahead(other, other.base), Fitter.prior(other.base.values, core.base_free)
 
 
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
