@@ -213,7 +213,7 @@ def _judged(beam: Beam, said: Report) -> Answer:
 def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     """What the recordings cannot tell, and what reading them mended."""
     core = answer.core
-    parameters = untold.unseen(core)
+    parameters = untold.unseen(core, answer.point)
     found: dict[str, Any] = {"untold": untold.untold(core.folder, core.runs), "unseen": parameters}
     if figures["verdict"] == "insufficient_excitation" and parameters:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"

@@ -78,7 +78,7 @@ def _between(answer: Answer, bench: Bench, report) -> Proposal | None:
 def _for_parameters(answer: Answer, bench: Bench, report) -> Proposal | None:
     core, base = answer.core, answer.base
     free = {f.name: f for f in core.base_free}
-    wanted = [free[n] for row in untold.unseen(core) if (n := str(row["parameter"])) in free]
+    wanted = [free[n] for row in untold.unseen(core, answer.point) if (n := str(row["parameter"])) in free]
     wanted = wanted or list(free.values())
     if not wanted:
         return None

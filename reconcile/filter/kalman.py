@@ -48,6 +48,35 @@ class Filtered:
 
 
 @dataclass
+class _Rows:
+    """A recording as the filter steps through it, for some delays: u [m, NU], y [m, NY], modes [m, NM].
+
+    A step in which an input changes has a row for each of its parts; only the first has samples.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    modes: np.ndarray
+    step: np.ndarray  # [m] of which a row is a part
+    later: np.ndarray  # [m] whether it is not the first of them
+    first: np.ndarray | None  # rows [n] that are; None where all are
+    at: (
+        np.ndarray
+    )  # [n, NY] numbers of the samples, as a step's and output's, that would be there without delays
+    missing: np.ndarray  # [n, NY] where there is none
+
+    def of_steps(self, values: np.ndarray) -> np.ndarray:
+        """Values [n, ...] of the steps among those [m, ...] of the rows."""
+        return values if self.first is None else values[self.first]
+
+    def of_samples(self, values: np.ndarray) -> np.ndarray:
+        """Values [n, NY, ...] of the steps where their samples would be without delays, NaN where none is."""
+        found = values.reshape(-1, *values.shape[2:])[self.at]
+        found[self.missing] = np.nan
+        return found
+
+
+@dataclass
 class _Part:
     """A library of some effects: its parameters among all, and its states' names."""
 
@@ -86,7 +115,7 @@ class Kalman:
         self.sizes: Mapping[str, Sequence[float]] = {}  # of what is met at a port
         self._begins: tuple[bytes, np.ndarray] | None = None
         self._parts: dict[frozenset, _Part] = {}
-        self._kept: dict[tuple, tuple] = {}
+        self._kept: dict[tuple, _Rows] = {}
         self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
         self.done = 0  # steps of the filter, substeps counted one by one, of all runs
 
@@ -118,9 +147,8 @@ class Kalman:
         `by_noise`: slopes of sigma, 1/tau, white [disturbed, K] and variances [outputs, K] by K of the noise.
         """
         part = self._part(present, own)
-        names, index = part.extended.parameter_names, self.whole.index
-        p = np.array([values[n] for n in names])
-        full = np.array([values[n] for n in index])
+        full = np.array([values[n] for n in self.whole.index])
+        p = full[part.index]
         active = self._active(part, present)
         given = {
             "p": p,
@@ -135,17 +163,18 @@ class Kalman:
             substeps = max(substeps, FOLLOWED)
         found = []
         for k in range(len(self.records)):
-            u, y, step, at = self._rows(k, full)
-            x0, p0 = self._start(part, p, y)
-            self.done += substeps * len(y)
-            parted = np.diff(step, prepend=-1) == 0  # rows without a sample: a part of a step after the first
-            more = {"u": u, "m": self.modes[k][step], "y": y, "x0": x0, "p0": p0}
+            rows = self._rows(k, full)
+            x0, p0 = self._start(part, p, rows.y)
+            self.done += substeps * len(rows.y)
+            more = {"u": rows.u, "m": rows.modes, "y": rows.y, "x0": x0, "p0": p0}
             run = part.library.run(
                 substeps,
                 self.records[k].period_s,
                 active,
                 given | more,
-                None if windows is None else windows[k][np.minimum(step + parted, len(windows[k]) - 1)],
+                None
+                if windows is None
+                else windows[k][np.minimum(rows.step + rows.later, len(windows[k]) - 1)],
                 states or smooth,
                 smooth,
                 by_noise,
@@ -155,9 +184,9 @@ class Kalman:
             if smooth:
                 columns = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
                 run["z"], run["v"] = smoothed(run, columns)
-            whole = {n: run[n][~parted] if n in run else NOTHING for n in SHOWN}
-            whole |= {n: _by_sample(whole[n], at) for n in BY_SAMPLE if n in run}
-            found.append(Filtered(**whole, y=y[~parted]))
+            whole = {n: rows.of_steps(run[n]) if n in run else NOTHING for n in SHOWN}
+            whole |= {n: rows.of_samples(whole[n]) for n in BY_SAMPLE if n in run}
+            found.append(Filtered(**whole, y=rows.of_steps(rows.y)))
         return found
 
     def over(self, records: Sequence[Record]) -> "Kalman":
@@ -187,8 +216,8 @@ class Kalman:
         found = []
         full = np.array([values[n] for n in self.whole.index])
         for k, states in enumerate(z):
-            rows, _, step, _ = self._rows(k, full)
-            x, u = states[:, : part.library.nx].T, rows[np.diff(step, prepend=-1) > 0].T
+            rows = self._rows(k, full)
+            x, u = states[:, : part.library.nx].T, rows.of_steps(rows.u).T
             n, m = x.shape[1], self.modes[k].T
             rates = [np.asarray(stages["kf_f"].map(n)(x, u, m, np.repeat(q[:, None], n, 1))) for q in (p, p0)]
             dry = np.asarray(stages["kf_dry"].map(n)(x, u, m, np.repeat(p[:, None], n, 1)))
@@ -254,12 +283,8 @@ class Kalman:
         pushed = [i for i in every if model.states[i].name in axes]
         return sorted(behind(felt(model, model.f, model.symbols[0]).T, pushed))
 
-    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """u [m, NU] and y [m, NY] of a recording for the delays among the parameters [NP], and the steps [m].
-
-        A step in which an input changes has a row for each of its parts; only the first has samples.  Last,
-        the steps [n, NY] at which samples are that would be at each of them without delays (-1: at none).
-        """
+    def _rows(self, k: int, p: np.ndarray) -> _Rows:
+        """A recording for the delays among the parameters [NP]."""
         late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
         late_out = {n: self.late.of_output(n, p) for n in self.outputs}
         if self.extra_s:
@@ -268,23 +293,37 @@ class Kalman:
         if key not in self._kept:
             if len(self._kept) > KEPT:
                 self._kept.clear()
-            record, own = self.records[k], self.model.inputs
-            time, step = record.time, np.arange(len(record.time))
-            if self.model.kind == "continuous":
-                time, step = record.parts(late_in)
-            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), time) for v in own]
-            # between two steps of a model in steps its outputs are known, beyond one they are not
-            after = self.model.kind == "discrete" and self.substeps == 1
-            seen = [record.output(n, late_out[n], after) for n in self.outputs]
-            at = np.column_stack([record.moved(n, late_out[n], after) for n in self.outputs])
-            pushes = np.zeros((len(self.disturbed), len(time)))
-            lengths = np.diff(time, append=record.time[-1] + record.steps[-1])
-            first = np.searchsorted(step, np.arange(len(record.time)))
-            y, early = np.full((len(time), len(seen)), np.nan), np.zeros((len(time), len(seen)))
-            y[first], early[first] = (np.column_stack(columns) for columns in zip(*seen, strict=True))
-            rows = np.vstack([*u, time - record.run.began_s, pushes, lengths, *early.T])
-            self._kept[key] = np.ascontiguousarray(rows.T), y, step, at
+            self._kept[key] = self._placed(k, late_in, late_out)
         return self._kept[key]
+
+    def _placed(
+        self, k: int, late_in: Mapping[str, float], late_out: Mapping[str, tuple[float, float]]
+    ) -> _Rows:
+        record, own = self.records[k], self.model.inputs
+        n = len(record.time)
+        time, step = record.time, np.arange(n)
+        if self.model.kind == "continuous":
+            time, step = record.parts(late_in)
+        later = np.diff(step, prepend=-1) == 0
+        first = np.flatnonzero(~later)
+        # between two steps of a model in steps its outputs are known, beyond one they are not
+        after = self.model.kind == "discrete" and self.substeps == 1
+        y, early = np.full((2, len(time), len(late_out)), np.nan)
+        early[:] = 0.0
+        at = np.empty((n, len(late_out)), int)
+        for column, (name, late) in enumerate(late_out.items()):
+            y[first, column], early[first, column] = record.output(name, late, after)
+            at[:, column] = record.moved(name, late, after)
+        edges = np.append(time, record.edges[-1])
+        u = np.zeros((len(time), len(own) + 2 + len(self.disturbed) + len(late_out)))
+        for column, v in enumerate(own):
+            u[:, column] = record.input(v.name, v.start, late_in.get(v.name, 0.0), edges)
+        u[:, len(own)] = time - record.run.began_s
+        u[:, len(own) + 1 + len(self.disturbed)] = np.diff(edges)
+        u[:, u.shape[1] - len(late_out) :] = early
+        numbers = np.maximum(at, 0) * len(late_out) + np.arange(len(late_out))
+        whole = len(first) == len(time)
+        return _Rows(u, y, self.modes[k][step], step, later, None if whole else first, numbers, at < 0)
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Initial state and its variances: outputs that are states begin as recorded."""
@@ -341,13 +380,6 @@ class Kalman:
         from reconcile.filter.modes import modes_of
 
         return modes_of(self.model, record)
-
-
-def _by_sample(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values [n, NY, ...] at the steps `at` [n, NY], NaN where that is -1."""
-    found = values[at, np.arange(at.shape[1])]
-    found[at < 0] = np.nan
-    return found
 
 
 def _first_seen(y: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ def _by_guards(model: Model, record: Record) -> np.ndarray:
     late = {n: float(p[model.index("parameters", d)]) for n, d in model.delays.items()}
     u = np.zeros((len(record.time), len(model.inputs)))
     for i, v in enumerate(model.inputs):
-        u[:, i] = record.input(v.name, v.start, late.get(v.name, 0.0), record.time)
+        u[:, i] = record.input(v.name, v.start, late.get(v.name, 0.0), record.edges)
     x0 = np.asarray(model.x0(p)).ravel()
     m = np.array([mode.start for mode in model.modes])
     held, result = np.zeros(len(m)), np.zeros((len(u), len(m)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,12 +28,17 @@ class Record:
     holdout: np.ndarray
     made: dict[tuple, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    @property
+    @cached_property
     def steps(self) -> np.ndarray:
         """Lengths of the steps [n] (s)."""
         return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
 
-    @property
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """When the steps begin, and the last one ends [n + 1] (s)."""
+        return np.append(self.time, self.time[-1] + self.steps[-1])
+
+    @cached_property
     def period_s(self) -> float:
         """Median length of a step."""
         return float(np.median(np.diff(self.time)))
@@ -44,15 +50,17 @@ class Record:
         """
         return self._kept(("parts", *late.items()), lambda: self._parts(late))
 
-    def input(self, name: str, default: float, late: float, time: np.ndarray) -> np.ndarray:
-        """An input [m] over each part that begins at `time` [m], `late` (s)."""
+    def input(self, name: str, default: float, late: float, edges: np.ndarray) -> np.ndarray:
+        """An input [m] over each part between `edges` [m + 1] (s), `late` (s)."""
         signal = self.run.inputs.get(name)
         if signal is None:
-            return np.full(len(time), default)
-        edges = np.append(time, self.time[-1] + self.steps[-1])
+            return np.full(len(edges) - 1, default)
         return self._kept(
-            (name, late, len(time), float(time.sum())), lambda: Held(signal).means(edges - late)
+            (name, late, len(edges), float(edges.sum())), lambda: self._held(name).means(edges - late)
         )
+
+    def _held(self, name: str) -> Held:
+        return self._kept(("held", name), lambda: Held(self.run.inputs[name]))
 
     def output(
         self, name: str, late: tuple[float, float], after: bool = False
@@ -87,10 +95,7 @@ class Record:
         return self.made[key]
 
     def _parts(self, late: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        changes = [
-            signal.time[1:][np.diff(signal.values) != 0.0] + late.get(name, 0.0)
-            for name, signal in self.run.inputs.items()
-        ]
+        changes = [times + late.get(name, 0.0) for name, times in self._changes.items()]
         every = np.unique(np.concatenate([*changes, np.empty(0)]))
         every = every[(every > self.time[0]) & (every < self.time[-1])]
         step = np.searchsorted(self.time, every, side="right") - 1
@@ -100,6 +105,11 @@ class Record:
             inside[:] = False
         time = np.sort(np.concatenate([self.time, every[inside]]))
         return time, np.searchsorted(self.time, time, side="right") - 1
+
+    @cached_property
+    def _changes(self) -> dict[str, np.ndarray]:
+        """When the inputs change (s)."""
+        return {n: s.time[1:][np.diff(s.values) != 0.0] for n, s in self.run.inputs.items()}
 
     def _at(
         self, name: str, late: tuple[float, float], after: bool

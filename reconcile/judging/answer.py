@@ -30,8 +30,8 @@ class Answer:
 
     @property
     def base(self) -> Point:
-        """The model without effects, fitted."""
-        return self.core.base
+        """The model without effects, fitted; where none is named, that is the answer."""
+        return self.core.base if self.present else self.point
 
     @property
     def present(self) -> tuple[Attached, ...]:
@@ -55,3 +55,19 @@ def standard_errors(point: Point) -> Mapping[str, float]:
     return {
         f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
     }
+
+
+def errors(answer: Answer) -> Mapping[str, float]:
+    """Standard errors of what was fitted, where another set may be true as well: its own values count too.
+
+    By its own fit alone, a set does not know how far off it is where something beside it is missing.
+    """
+    own, values = standard_errors(answer.point), answer.point.values
+    squares, weights = dict.fromkeys(own, 0.0), dict.fromkeys(own, 1e-9)
+    for key, p in answer.judged.posterior.items():
+        other = answer.beam.points[key]
+        for name, error in standard_errors(other).items():
+            if name in own:
+                weights[name] += p
+                squares[name] += p * (error**2 + (other.values[name] - values[name]) ** 2)
+    return {n: max(e, float(np.sqrt(squares[n] / weights[n]))) for n, e in own.items()}

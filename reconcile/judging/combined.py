@@ -20,7 +20,7 @@ def combined(core: Core) -> list[tuple[str, ...]]:
 
     Parameters that the model states well are not among them.
     """
-    names = list(core.known())
+    names = list(core.known(core.base))
     slopes = _slopes(core, names) if len(names) > 1 else np.empty((0, 0))
     if len(slopes) <= len(names):
         return []

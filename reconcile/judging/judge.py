@@ -25,6 +25,7 @@ class Judged:
     """An answer: its set, sets that may be it as well, probabilities by effect and kind, errors ahead.
 
     `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
+    `posterior`: probability of every set, before those lose what does not earn its place in them.
     """
 
     answer: Key
@@ -35,6 +36,7 @@ class Judged:
     gains: Mapping[Attached, tuple[float, float]]
     refused: Sequence[Mapping[str, str]]
     errors: Mapping[Key, float] = field(default_factory=dict)
+    posterior: Mapping[Key, float] = field(default_factory=dict)
 
 
 class Weights:
@@ -50,7 +52,7 @@ class Weights:
             self.by_names[names] = self.by_names.get(names, 0.0) + p
             for n in {kind(n) for n in names}:
                 self.kinds[n] = self.kinds.get(n, 0.0) + p
-            if names not in self.best or beam.evidence(k) > beam.evidence(self.best[names]):
+            if names not in self.best or beam.joint(k) > beam.joint(self.best[names]):
                 self.best[names] = k
         self.order = sorted(self.by_names, key=lambda n: -self.by_names[n])
 
@@ -97,7 +99,8 @@ class Judge:
         Where it is not sure, the other sets lose what does not earn its place in them, too: sets that differ
         by such crumbs only are one answer.
         """
-        weights = Weights(self.beam, _simplest(self.beam))
+        posterior = _simplest(self.beam)
+        weights = Weights(self.beam, posterior)
         answer, refused = self._earning(weights.first, weights.kinds)
         if weights.doubted(answer):
             cleaned: dict[Key, float] = {}
@@ -127,6 +130,7 @@ class Judge:
             gains,
             refused,
             dict(self._ahead),
+            posterior,
         )
 
     def _rivals(self, answer: Key, weights: "Weights") -> list[Key]:
@@ -147,15 +151,15 @@ class Judge:
         What is late at the only input is late at all outputs: no likelihood should tell these two apart, and
         where one does, it is by how well a sample is described.
         """
-        least = self.beam.evidence(answer) - BEHIND
+        least = self.beam.joint(answer) - BEHIND
         found = []
         for key in self.beam.ranked():
             more, less = key - answer, answer - key
-            if len(more) == len(less) == 1 and self.beam.evidence(key) > least:
+            if len(more) == len(less) == 1 and self.beam.joint(key) > least:
                 (other,), (a,) = more, less
                 if other.effect.place != a.effect.place and _same(other.effect.name, a.effect.name):
                     own, error = self.ahead(answer), self.ahead(key)
-                    close = self.beam.evidence(key) > self.beam.evidence(answer) - CLOSE
+                    close = self.beam.joint(key) > self.beam.joint(answer) - CLOSE
                     hidden = close and max(own, error) < noise(self.core, self.beam.points[answer])
                     found += [key] if hidden or (own and error < (1.0 + ALIKE) * own) else []
         return found
@@ -170,7 +174,7 @@ class Judge:
             if not weak:
                 break
             # two that can stand for each other both take nothing away: the likelier one stays
-            worst = max(weak, key=lambda a: self.beam.evidence(key - {a}))
+            worst = max(weak, key=lambda a: self.beam.joint(key - {a}))
             left, _ = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
@@ -258,13 +262,13 @@ def _simplest(beam: Beam) -> dict[Key, float]:
 
 def _limit(beam: Beam, key: Key) -> Key | None:
     """The set with what one of its effects becomes in a limit, where that is as likely."""
-    for other, point in beam.points.items():
+    for other in beam.points:
         more, less = key - other, other - key
         if len(more) == len(less) == 1 and len(other) == len(key):
             (a,), (b,) = more, less
             simpler = len(b.effect.parameters) < len(a.effect.parameters) and a.port == b.port
             limit = simpler and b.effect.name in a.effect.becomes
-            if limit and point.loss < beam.points[key].loss + WORTH:
+            if limit and beam.loss(other) < beam.loss(key) + WORTH:
                 return other
     return None
 

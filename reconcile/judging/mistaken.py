@@ -20,7 +20,7 @@ from reconcile.recordings.data import Block, Parts, Run, Signal
 from reconcile.search.core import Core
 from reconcile.search.sets import effects, weighed
 from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
-from reconcile.tolerances import EVIDENT, HALVED, LOST, MOVED, WRONG
+from reconcile.tolerances import EVIDENT, HALVED, INPUT_GAIN, LOST, MOVED, TURNED, WRONG
 from specs.errors import InputError
 
 STEPS = 15  # of a fit: one that is right gets there soon
@@ -32,18 +32,20 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
 
     `names`: the map, {their column: ours}.
     """
-    errs, least, found = ahead(core, core.base), np.inf, None
-    for ratios in _turned(core) if errs > WRONG else ():
-        tried = _fitted(core, ratios, core.fresh, (), errs)
-        if tried is not None and tried[1].total < core.base.total and tried[0] < min(least, EVIDENT * errs):
-            least, found = tried[0], ratios
-    if found is not None and not _silent(core, least, core.fresh, ()):
-        return _sentence(core, found, errs, least, names or {})
-    for ratios in _rescaled(core) if errs > WRONG else ():
-        error = _refitted(core, ratios)
-        if error < min(EVIDENT * errs, WRONG):
-            return _sentence(core, ratios, errs, error, names or {})
-    return ""
+    errs = ahead(core, core.base)
+    if errs < WRONG:
+        return ""
+    tried = [(*t, ratios) for ratios in _turned(core) if (t := _fitted(core, ratios, core.fresh, (), errs))]
+    error, point, ratios = min(tried, key=lambda row: row[0], default=(np.inf, core.base, {}))
+    clear = error < EVIDENT * errs and point.total < core.base.total
+    if (clear and not _silent(core, error, core.fresh, ())) or (error < errs and _likelier(core, point)):
+        return _sentence(core, ratios, errs, error, names or {})
+    other = [(*_refitted(core, ratios), ratios) for ratios in _rescaled(core, errs)]
+    clear = [row for row in other if row[0] < min(EVIDENT * errs, WRONG)]
+    if not clear:
+        return ""
+    error, _, ratios = min(clear, key=lambda row: row[1])  # the parameters are then as model.py states them
+    return _sentence(core, ratios, errs, error, names or {})
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -108,12 +110,12 @@ def _turned(core: Core) -> list[Ratios]:
     return [dict.fromkeys(group, -1.0) for group in groups]
 
 
-def _rescaled(core: Core) -> list[Ratios]:
+def _rescaled(core: Core, errs: float) -> list[Ratios]:
     """Every position or speed of an axis in another unit, where no recorded rate of it says which it is.
 
-    And no input: its unit may be the wrong one as well.
+    An input's gain takes up much of another unit: where there is one, only if the model errs a lot.
     """
-    if _inputs(core):
+    if _inputs(core) and errs < LOST:
         return []
     units = {v.name: v.unit for v in core.model.outputs}
     moving = {n for a in core.folder.ports.axes for n in (a.position, a.velocity)}
@@ -168,8 +170,11 @@ def _fit(
     return None if point is None else (ahead(other, point), point)
 
 
-def _refitted(core: Core, ratios: Ratios) -> float:
-    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied."""
+def _refitted(core: Core, ratios: Ratios) -> tuple[float, float]:
+    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied.
+
+    And by how many nats its parameters are then beside what model.py states.
+    """
     runs = {id(r): _multiplied(r, ratios) for r in core.runs}
 
     def moved(blocks: Sequence[Block]) -> tuple[Block, ...]:
@@ -179,8 +184,8 @@ def _refitted(core: Core, ratios: Ratios) -> float:
     try:
         other = Core(core.folder, parts, (), core.share)
     except InputError:  # the model runs away
-        return float("inf")
-    return ahead(other, other.base)
+        return np.inf, np.inf
+    return ahead(other, other.base), Fitter.prior(other.base.values, core.base_free)
 
 
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
@@ -191,6 +196,13 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
     inputs = dict.fromkeys(_inputs(core), 0.0)
     tried = _fitted(core, inputs, start, present) if inputs else None
     return tried is not None and error > HALVED * tried[0]
+
+
+def _likelier(core: Core, point: Point) -> bool:
+    """Whether turned channels are far likelier than these, and likelier than inputs that do nothing."""
+    silent = _fitted(core, dict.fromkeys(_inputs(core), 0.0), core.fresh, ())
+    useful = silent is None or point.total < silent[1].total - INPUT_GAIN
+    return useful and point.total < core.base.total - TURNED
 
 
 def _multiplied(run: Run, ratios: Ratios) -> Run:

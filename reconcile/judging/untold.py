@@ -9,8 +9,10 @@ from reconcile import words
 from reconcile.catalogue import ALL, Effect
 from reconcile.equations.model import LATE, Folder, candidates
 from reconcile.equations.reach import behind, felt, states_behind
+from reconcile.filter.point import Point
 from reconcile.judging.combined import combined
 from reconcile.recordings.data import Run, still
+from reconcile.search.core import Core
 from reconcile.search.free import stated
 from reconcile.tolerances import KNOWN
 
@@ -95,14 +97,14 @@ def _hidden_axes(folder: Folder, recorded: set[str]) -> list[str]:
     return [a.name for a in folder.ports.axes if index.index(a.velocity) not in shown]
 
 
-def unseen(core) -> list[dict[str, object]]:
-    """Base parameters that the recordings say nothing about: [{"parameter", "because", "drive"}].
+def unseen(core: Core, point: Point) -> list[dict[str, object]]:
+    """Base parameters that the recordings say nothing about, as fitted: [{"parameter", "because", "drive"}].
 
     `drive` names the inputs to drive for it; empty where no input would help.  A model that says which of its
     parameters are doubtful is asked for no others.
     """
     model: Model = core.model
-    doubtful, known = core.folder.ports.doubtful, core.known()
+    doubtful, known = core.folder.ports.doubtful, core.known(point)
     groups = {n: g for g in combined(core) for n in g}
     rows = []
     for v in model.parameters:

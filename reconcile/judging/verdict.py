@@ -11,11 +11,12 @@ from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, squares
 from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
-from reconcile.judging.answer import Answer, standard_errors
+from reconcile.judging.answer import Answer, errors
 from reconcile.judging.combined import combined
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
+MOST_TURNED_DOWN = 2  # effects in a sentence
 OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
 
 
@@ -28,13 +29,13 @@ class Verdict:
     residual: str
 
 
-def moved_parameters(core: Core, point: Point) -> dict[str, dict[str, Any]]:
+def moved_parameters(answer: Answer) -> dict[str, dict[str, Any]]:
     """Base parameters that the fit moved by more than their errors and by more than 1 %."""
-    errors, found = standard_errors(point), {}
-    for v in core.model.parameters:
-        if v.name not in errors:
+    error, point, found = errors(answer), answer.point, {}
+    for v in answer.core.model.parameters:
+        if v.name not in error:
             continue
-        new, se = point.values[v.name], errors[v.name]
+        new, se = point.values[v.name], error[v.name]
         if abs(new - v.start) > MOVED * se and abs(new - v.start) > 0.01 * max(abs(v.start), 1e-12):
             interval = [new - 1.96 * se, new + 1.96 * se]
             found[v.name] = {"old": v.start, "new": new, "unit": v.unit, "ci95": interval}
@@ -67,28 +68,39 @@ def beyond_noise(core: Core, point: Point) -> float:
 
 def judge(answer: Answer) -> Verdict:
     """The verdict on an answer."""
-    core, point = answer.core, answer.point
-    beyond = beyond_noise(core, point)
+    beyond = beyond_noise(answer.core, answer.point)
     left = "unexplained" if beyond > AT_FLOOR else "at_floor"
-    names = words.together(_pairs(answer.present))
-    if answer.present and answer.alternatives:
+    if not answer.present:
+        name, text = _unnamed(answer, beyond, left)
+        return Verdict(name, text + _turned_down(answer), left)
+    if answer.alternatives:
         sets = (answer.present, *answer.alternatives)
         return Verdict("ambiguous", words.either(map(_pairs, sets)), left)
-    if answer.present:
-        rest = "" if left == "at_floor" else "; something unexplained remains"
-        return Verdict("named", f"The model lacks {names}{rest}.", left)
+    rest = "" if left == "at_floor" else "; something unexplained remains"
+    return Verdict("named", f"The model lacks {words.together(_pairs(answer.present))}{rest}.", left)
+
+
+def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
+    """Verdict and sentence where no effect is named."""
+    core, point = answer.core, answer.point
     if missing := unmoved(core):
-        return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
+        return "insufficient_excitation", f"Too little excitation: {'; '.join(missing)}."
     if left == "unexplained":
-        return Verdict("unexplained", _unexplained(answer), left)
-    known = core.known()
+        return "unexplained", _unexplained(answer)
+    known = core.known(point)
     if known and not any(k < KNOWN for k in known.values()) and (untold := _alone(core, known)):
-        text = f"Too little excitation: nothing tells {', '.join(untold)}."
-        return Verdict("insufficient_excitation", text, left)
-    if moved := moved_parameters(core, point):
-        return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
+        return "insufficient_excitation", f"Too little excitation: nothing tells {', '.join(untold)}."
+    if moved := moved_parameters(answer):
+        return "reestimated", f"The model fits with other values of {', '.join(moved)}."
     within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"
-    return Verdict("agrees", f"Model and recordings agree within {within}.", left)
+    return "agrees", f"Model and recordings agree within {within}."
+
+
+def _turned_down(answer: Answer) -> str:
+    """The likeliest effects that are not named all the same, and why."""
+    reasons = {r["effect"]: r["because"] for r in answer.judged.refused}
+    said = [f"{name} ({because})" for name, because in list(reasons.items())[-MOST_TURNED_DOWN:]]
+    return f" Likeliest, but turned down: {words.listed(said)}." if said else ""
 
 
 def _alone(core: Core, names: Iterable[str]) -> list[str]:
@@ -105,7 +117,8 @@ def _unexplained(answer: Answer) -> str:
     sure = next((k for k, p in kinds.items() if p >= SURE), None)
     sizes = answer.core.disturbances(answer.point.values)
     worst = max(sizes, key=lambda p: sizes[p])
-    where = f"; what is missing acts at '{worst}', with {words.percent(sizes[worst])} of the forces there"
+    size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"
+    where = f"; what is missing acts at '{worst}', with {size} the forces there"
     kind = f"; its kind is sure: {sure}" if sure else ""
     return f"{text}{where}{kind}."
 

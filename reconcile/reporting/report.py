@@ -9,7 +9,7 @@ from reconcile import tolerances
 from reconcile.equations.model import Attached
 from reconcile.errors import holdout, localise
 from reconcile.errors.ahead import horizon_s
-from reconcile.judging.answer import Answer, standard_errors
+from reconcile.judging.answer import Answer, errors
 from reconcile.judging.verdict import Verdict, moved_parameters
 from reconcile.recordings.data import Parts
 from reconcile.reporting.findings import STAGES, Findings, above, gather
@@ -20,7 +20,9 @@ from records.scores import overall, rms, scores
 __all__ = ["build", "figures", "gather", "write_model"]
 
 MOST_CONSIDERED = 15
+WORSE = 1.1  # times the error of the parameters as they came, from which a worse one is said
 NOT_SHOWN = " On the part held out the gap did not shrink."
+BENT = " On the part held out the model errs less with the parameters that it came with."
 
 
 def build(answer: Answer, verdict: Verdict) -> dict[str, Any]:
@@ -38,13 +40,13 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
     gaps = _gaps(found)
     return {
         "verdict": verdict.name,
-        "sentence": verdict.sentence + (NOT_SHOWN if effects and not _shrunk(gaps) else ""),
+        "sentence": verdict.sentence + _held_out(verdict, gaps),
         "effects": effects,
         "residual_status": verdict.residual,
         "alternatives": [list(s) for s in dict.fromkeys(map(tuple, sets))] if effects else [],
         "probability": dict(judged.probability),
         "kinds": dict(judged.kinds),
-        "reestimated": moved_parameters(core, answer.point),
+        "reestimated": moved_parameters(answer),
         "nuisances": {},
         "where": localise.rows(core, found.located),
         "gap": gaps,
@@ -62,11 +64,11 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
-    point, errors = answer.point, standard_errors(answer.point)
+    point, error = answer.point, errors(answer)
     parameters = {}
     for q in a.effect.parameters:
         value = point.values[a.name(q.name)]
-        half = 1.96 * errors[a.name(q.name)]
+        half = 1.96 * error[a.name(q.name)]
         unit = answer.core.kalman.whole.unit(a, q.name)
         parameters[q.name] = {"value": value, "unit": unit, "ci95": q.interval(value, half)}
     sure = all(a.effect.name in {x.effect.name for x in k} for k in answer.alternatives)
@@ -104,13 +106,15 @@ def _gaps(found: Findings) -> dict[str, Any]:
     }
 
 
-def _shrunk(gaps: dict[str, Any]) -> bool:
-    """Whether the effects bring the held-out part nearer, all signals in units of their floors together.
+def _held_out(verdict: Verdict, gaps: dict[str, Any]) -> str:
+    """What the held-out part says against the answer, all signals in units of their floors together.
 
     It is said, not judged by: what is held out decides nothing.
     """
     before, after = (sum((g[k] / g["floor"]) ** 2 for g in gaps.values()) for k in ("nominal", "after"))
-    return not after >= before  # a model that runs away has no number before
+    if verdict.name in ("named", "ambiguous"):
+        return NOT_SHOWN if after >= before else ""  # a model that runs away has no number before
+    return BENT if verdict.name in ("unexplained", "reestimated") and after > WORSE**2 * before else ""
 
 
 def _by_regime(found: Findings) -> list[dict[str, Any]]:
@@ -157,12 +161,12 @@ def _units(found: Findings) -> dict[str, str]:
 def _considered(answer: Answer) -> list[dict[str, Any]]:
     """Sets that were fitted, the most probable first, and effects taken out; with the reason."""
     beam, judged = answer.beam, answer.judged
-    best = beam.evidence(judged.answer)
+    best = beam.joint(judged.answer)
     probable = {frozenset(n): p for n, p in judged.sets}
     declared = {_names(k) for k in answer.alternatives}
     rows = []
-    for key in beam.ranked()[:MOST_CONSIDERED]:
-        names, more = _names(key), best - beam.evidence(key)
+    for key in sorted(beam.ranked()[:MOST_CONSIDERED], key=lambda k: -beam.joint(k)):
+        names, more = _names(key), best - beam.joint(key)
         if key == judged.answer:
             because = "the answer"
         elif names in declared:

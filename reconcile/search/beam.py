@@ -167,8 +167,9 @@ class Beam(Sets):
         remembers longer stands for most of what the set lacks.
         """
         self.report("with the noise of the best set")
-        best, before = self.ranked()[0], self.points
+        before, best = self.points, self.ranked()[0]
         near = [k for k in self.ranked() if self.evidence(k) > self.evidence(best) - BEHIND]
+        best = max(near[:SETTLED], key=self.joint)
         self.noise = {n: v for n, v in before[best].values.items() if n.startswith(NOISES)}
         self.own, self.points = before, {}
         for key in dict.fromkeys([*near[: SETTLED if self.cut else COMPARED], frozenset()]):

@@ -236,10 +236,10 @@ class Core:
         values = self.base.values | {v.name: v.start for v in self.model.parameters}
         return replace(self.base, values=values, present=())
 
-    def known(self) -> dict[str, float]:
+    def known(self, point: Point) -> dict[str, float]:
         """By base parameter the deviation that the recordings leave it, as a share of its prior's."""
-        size = np.sqrt(np.maximum(np.diag(self.base.covariance()), 0.0))
-        found = {f.name: float(s) for f, s in zip(self.base.free, size, strict=True)}
+        size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
+        found = {f.name: float(s) for f, s in zip(point.free, size, strict=True)}
         well = {v.name for v in self.model.parameters if stated(v)}  # known well enough without
         return {f.name: found[f.name] for f in self.base_free if f.name not in well}
 

@@ -9,6 +9,7 @@ from reconcile.equations.model import Attached
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Free, Point
 from reconcile.search.core import Core
+from reconcile.search.predicted import Predicted, predicted
 from reconcile.search.screen import Scored, Screen
 from reconcile.search.shapes import Shapes
 from reconcile.tolerances import BLOCKS, CLOSE, MOST_STEPS, PLAIN, PRIOR, RESAMPLED, WORTH
@@ -30,6 +31,7 @@ class Sets:
         self.pool: set[Attached] = set(core.candidates)  # what is asked beside a set
         self.noise: Values = {}  # noise that all sets share, where it is no longer fitted
         self.own: dict[Key, Point] = {}  # points with their own noise, from before
+        self._predicted: dict[Key, tuple[Point, Predicted]] = {}
         self.limit = core.kalman.done + MOST_STEPS  # steps of the filter, beyond which nothing is tried
         self.cut = False  # whether something was not
 
@@ -46,6 +48,21 @@ class Sets:
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
         return weighed(self.points[key].evidence, key)
+
+    def joint(self, key: Key) -> float:
+        """The same by `confirm` too: what nothing was fitted to tells sets apart as well."""
+        return self.evidence(key) + self.predicted(key).evidence
+
+    def loss(self, key: Key) -> float:
+        """Nats of all that is not held out."""
+        return self.points[key].loss - self.predicted(key).evidence
+
+    def predicted(self, key: Key) -> Predicted:
+        """What `confirm` says of a set."""
+        point = self.points[key]
+        if key not in self._predicted or self._predicted[key][0] is not point:
+            self._predicted[key] = point, predicted(self.core, point)
+        return self._predicted[key][1]
 
     def ranked(self) -> list[Key]:
         """Sets, most evidence first."""
@@ -185,10 +202,13 @@ class Sets:
 
     def posterior(self) -> dict[Key, float]:
         """Probability of every fitted set near the best: its softmax over resampled blocks of the data."""
-        best = self.evidence(self.ranked()[0])
-        keys = [k for k in self.ranked() if self.evidence(k) > best - CLOSE - self._noise()]
+        ranked = self.ranked()
+        near = [k for k in ranked if self.evidence(k) > self.evidence(ranked[0]) - BEHIND]
+        near.sort(key=lambda k: -self.joint(k))
+        least = self.joint(near[0]) - CLOSE - self._noise(near[:4])
+        keys = [k for k in near if self.joint(k) > least]
         losses = np.array([self._blocks(k) for k in keys])  # [sets, blocks]
-        rest = np.array([self.evidence(k) for k in keys]) + losses.sum(1)
+        rest = np.array([self.joint(k) for k in keys]) + losses.sum(1)
         rng = np.random.default_rng(0)
         total = np.zeros(len(keys))
         for _ in range(RESAMPLED):
@@ -198,18 +218,18 @@ class Sets:
             total += share / share.sum()
         return dict(zip(keys, total / RESAMPLED, strict=True))
 
-    def _noise(self) -> float:
+    def _noise(self, keys: Sequence[Key]) -> float:
         """Nats by which the difference of two sets may change with the blocks drawn."""
-        ranked = self.ranked()[:4]
-        losses = np.array([self._blocks(k) for k in ranked])
+        losses = np.array([self._blocks(k) for k in keys])
         spread = [np.std(other - losses[0]) * np.sqrt(losses.shape[1]) for other in losses[1:]]
         return 2.0 * float(max(spread, default=0.0))
 
     def _blocks(self, key: Key) -> np.ndarray:
-        """Nats of the training data by block [BLOCKS]."""
+        """Nats of what was fitted to by block [BLOCKS], then of what was not [CONFIRMING]."""
         p = self.points[key]
         loss = self.core.fitter.loss(p.e, p.s)
-        return np.array([b.sum() for b in np.array_split(loss, BLOCKS)])
+        own = [b.sum() for b in np.array_split(loss, BLOCKS)]
+        return np.concatenate([own, self.predicted(key).blocks])
 
 
 def weighed(evidence: float, present: Iterable[Attached]) -> float:

@@ -44,7 +44,7 @@ def told(core: Core, runs: Sequence[Run]) -> dict[str, Any]:
     """The figures of a folder that is filtered."""
     screen = Screen(core, core.base, Shapes(core))
     per = core.memory_s / core.period
-    known = core.known()
+    known = core.known(core.base)
     return {
         "samples": sum(len(r.time) for r in core.records),
         "period_s": core.period,
@@ -52,7 +52,7 @@ def told(core: Core, runs: Sequence[Run]) -> dict[str, Any]:
         "sampling": _sampling(per),
         "noise": {n: {"level": f.level, "source": f.source} for n, f in core.floors.items()},
         "parameters": {n: {"known_to": share, "told": share < KNOWN} for n, share in known.items()},
-        "unseen": untold.unseen(core),
+        "unseen": untold.unseen(core, core.base),
         "effects": {a.key: _effect(screen, a) for a in core.candidates if a.effect.amplitudes},
         "untold": untold.untold(core.folder, runs),
         "notes": [*(f"{r.name}: {n}" for r in runs for n in r.notes), *units.notes(runs)],

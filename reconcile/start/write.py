@@ -17,7 +17,7 @@ from records.formats.text.clock import UNTIMED
 from specs.errors import InputError
 from specs.units import known
 
-EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
+EXAMPLES = {"position": "deg", "velocity": "rpm", TURNS.noun: "N.m", MOVES.noun: "N"}
 TO_AND_FRO = 4  # times that what swings freely crosses its middle
 FAR_OFF = 2.0  # of its own spread, from which the middle of a command is no accident
 
@@ -211,13 +211,13 @@ def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dr
         usable = [replace(usable[0], role="output", reason="")]
     inputs = [c for c in usable if c.role == "input"]
     outputs = [c for c in usable if c.role not in ("input", "setpoint")]
-    outputs = outputs[:1] if template == "first-order" else outputs
+    if template == "first-order":
+        outputs, inputs = _one_of_each(outputs, inputs)
     if not outputs:
         raise InputError(
             f"{recording}: no column is left as an output beside {', '.join(c.name for c in inputs)}; "
             "end the heading of the output with _out, as in 'u_out [V]'"
         )
-    inputs = inputs[:1] if template == "first-order" else inputs
     ours = {_identifier(c.name): c for c in (*outputs, *inputs)}
     names = [(n, _model_unit(c.unit), c) for n, c in ours.items()]
     ins = [(n, u) for n, u, c in names if c in inputs]
@@ -231,6 +231,15 @@ def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dr
         templates.free(draft, outs, ins)
         draft.parameters = values.free(outs, ins, ours)
     return draft, ours
+
+
+def _one_of_each(outputs: Sequence[Column], inputs: Sequence[Column]) -> tuple[list[Column], list[Column]]:
+    """An output, one that its unit or name says if there is one, and what drives it, or the only one left."""
+    first = sorted(outputs, key=lambda c: not c.role)[:1]
+    left = [c for c in outputs if c not in first and not c.role]
+    if not inputs and len(left) == 1:
+        inputs = [replace(left[0], role="input", reason="guessed: nothing else is left that could drive it")]
+    return first, list(inputs[:1])
 
 
 def _identifier(name: str) -> str:
@@ -259,10 +268,14 @@ def _map(used: dict[str, Column]) -> str:
     lines = ["# Columns of the recording and what the model calls them: 'theirs' = 'ours [unit]'.",
              "# A minus turns the sign: 'theirs' = '-ours [unit]'.", "[names]"]  # fmt: skip
     for ours, c in used.items():
-        if not c.unit:
+        example = EXAMPLES.get(ours.rstrip("0123456789"))
+        if not c.unit and example:
             lines.append(
-                f"# FILL IN the unit of {c.name!r}, as in '{ours} [{EXAMPLES.get(c.role, '%')}]'; "
-                "without one, the model's own is meant"
+                f"# FILL IN the unit of {c.name!r}, as in '{ours} [{example}]'; else it is the model's"
+            )
+        elif not c.unit:
+            lines.append(
+                f"# {c.name!r} has no unit: the model takes a number; write one here and in model.py"
             )
         unit = f" [{c.unit}]" if c.unit and not c.stated else ""
         theirs = c.name.replace("\\", "\\\\").replace('"', '\\"')

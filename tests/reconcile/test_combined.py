@@ -46,7 +46,7 @@ class Ground:
 def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: list[tuple[str, ...]]):
     core: Any = Ground(
         model=MOTOR,
-        known=lambda: dict.fromkeys(free, 1.0),
+        known=lambda point: dict.fromkeys(free, 1.0),
         scales={"voltage": SimpleNamespace(u=10.0)},
         base=SimpleNamespace(values={v.name: v.start for v in MOTOR.parameters}),
         kalman=SimpleNamespace(scale=np.array([100.0]), modes=[np.zeros((5, 0))]),
@@ -56,5 +56,5 @@ def test_what_one_changes_and_others_undo_is_a_group(free: list[str], groups: li
 
 
 def test_a_model_without_free_parameters_has_no_groups():
-    core: Any = Ground(known=dict)
+    core: Any = Ground(known=lambda point: {}, base=None)
     assert combined(core) == []

@@ -437,7 +437,7 @@ def clocks(measured: Measurement, rig: Folder) -> list[np.ndarray]:
     rows = [r for run in runs_of(measured, rig, "run") for r in models.recorded(run)]
     kalman = Kalman(rig, (), rows, ["position", "velocity"])
     values = np.array(list(kalman.whole.base_start().values()))
-    return [kalman._rows(k, values)[0][:, len(rig.model.inputs)] for k in range(len(rows))]
+    return [kalman._rows(k, values).u[:, len(rig.model.inputs)] for k in range(len(rows))]
 
 
 def test_a_drift_counts_from_where_the_recording_begins_and_goes_on_through_a_gap(rig):

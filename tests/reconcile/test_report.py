@@ -323,10 +323,20 @@ def test_a_doubt_says_what_is_certain():
     assert words.either([[lag], [("lag", "y")]]) == f"The model lacks lag (u), or lag (y): {which}"
 
 
-@pytest.mark.parametrize(("after", "shrunk"), [(0.02, True), (0.13, False)])
-def test_where_the_held_out_gap_grows_it_does_not_count_as_shrunk(after, shrunk):
+@pytest.mark.parametrize(
+    ("verdict", "after", "said"),
+    [
+        ("named", 0.02, ""),
+        ("named", 0.13, reports.NOT_SHOWN),
+        ("unexplained", 0.02, ""),
+        ("unexplained", 0.032, ""),
+        ("reestimated", 0.13, reports.BENT),
+        ("agrees", 0.13, ""),
+    ],
+)
+def test_what_the_held_out_part_says_against_an_answer_is_said(verdict: str, after: float, said: str):
     gaps = {
         "rate": {"floor": 0.002, "nominal": 0.03, "after": after},
         "angle": {"floor": 0.002, "nominal": 0.01, "after": 0.004},
     }
-    assert reports._shrunk(gaps) is shrunk
+    assert reports._held_out(verdicts.Verdict(verdict, "", "at_floor"), gaps) == said

@@ -9,8 +9,7 @@ import pytest
 from reconcile.catalogue import Scales
 from reconcile.equations.model import candidates
 from reconcile.filter.point import Free
-from reconcile.judging import judge as judges, verdict as verdicts
-from reconcile.judging.answer import standard_errors
+from reconcile.judging import answer as answers, judge as judges, verdict as verdicts
 from reconcile.search.free import LATEST, FreeParameters
 
 
@@ -30,11 +29,11 @@ def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch.setattr(verdicts, "unmoved", lambda core: still)
     monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
-    monkeypatch.setattr(verdicts, "moved_parameters", lambda core, point: {})
+    monkeypatch.setattr(verdicts, "moved_parameters", lambda answer: {})
     monkeypatch.setattr(verdicts, "combined", lambda core: [])
-    core: Any = SimpleNamespace(known=lambda: {"drag": known}, disturbances=lambda values: {"v": 0.1})
+    core: Any = SimpleNamespace(known=lambda point: {"drag": known}, disturbances=lambda values: {"v": 0.1})
     answer: Any = SimpleNamespace(
-        core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={})
+        core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={}, refused=[])
     )
     found = verdicts.judge(answer)
     assert found.name == name
@@ -78,7 +77,7 @@ def test_one_lag_in_two_places_is_told_by_what_is_above_the_noise(
         next(frozenset({a}) for a in every if a.effect.name == n) for n in ("sensor_lag", "input_lag")
     )
     beam: Any = SimpleNamespace(core=None, points={here: None, there: None}, ranked=lambda: [here, there])
-    beam.evidence = {here: 0.0, there: -nats}.__getitem__
+    beam.joint = {here: 0.0, there: -nats}.__getitem__
     monkeypatch.setattr(judges, "noise", lambda core, point: 0.03)
     judge = judges.Judge(beam)
     monkeypatch.setattr(judge, "ahead", dict(zip((here, there), errors, strict=True)).__getitem__)
@@ -95,6 +94,38 @@ def test_what_lies_at_its_limit_has_an_interval_too():
         information=np.diag([0.0, 3.0, 3.0]),
         covariance=lambda: np.diag([0.0, 0.0, 0.25]),
     )
-    found = standard_errors(point)
+    found = answers.standard_errors(point)
     assert 1.96 * found["steep"] == pytest.approx(2.0 * 0.1)  # three nats
     assert found["flat"] == found["inside"] == pytest.approx(1.0)
+
+
+def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch):
+    own, other, without = (
+        SimpleNamespace(values={"k": v, "a": 1.0}, errors=e)
+        for v, e in ((26.0, {"k": 0.2, "a": 0.1}), (30.0, {"k": 0.3, "a": 0.05}), (99.0, {"b": 1.0}))
+    )
+    monkeypatch.setattr(answers, "standard_errors", lambda point: point.errors)
+    answer: Any = SimpleNamespace(
+        point=own,
+        beam=SimpleNamespace(points={1: own, 2: other, 3: without}),
+        judged=SimpleNamespace(posterior={1: 0.3, 2: 0.3, 3: 0.4}),
+    )
+    found = answers.errors(answer)
+    assert found["k"] == pytest.approx(np.sqrt((0.2**2 + 0.3**2 + 4.0**2) / 2))
+    assert found["a"] == 0.1  # at least what its own fit says
+    answer.judged.posterior = {1: 1.0}
+    assert answers.errors(answer) == pytest.approx(own.errors)
+
+
+def test_what_was_turned_down_is_said_where_nothing_is_named():
+    refused = [
+        {"effect": n, "port": "v", "because": f"takes {k} %"}
+        for k, n in enumerate(("stiffness", "viscous_friction", "coulomb_friction", "viscous_friction"))
+    ]
+    answer: Any = SimpleNamespace(judged=SimpleNamespace(refused=refused))
+    said = verdicts._turned_down(answer)
+    assert said == (
+        " Likeliest, but turned down: viscous_friction (takes 3 %) and coulomb_friction (takes 2 %)."
+    )
+    answer.judged.refused = []
+    assert verdicts._turned_down(answer) == ""

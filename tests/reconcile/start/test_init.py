@@ -403,3 +403,18 @@ def test_what_is_recorded_very_fast_or_slowly_can_be_run(tmp_path: Path, step: f
     assert longer.sample_time == folder.model.step
     assert longer.max_delay >= 200.0 * step
     assert "SLW_ECHO" in model_config_h(longer, "")
+
+
+def test_the_one_output_has_the_other_column_as_its_input_and_is_asked_for_no_unit_that_the_model_refuses(
+    tmp_path: Path,
+):
+    flow = np.random.default_rng(1).uniform(0.1, 0.7, 200)
+    heat = 300.0 - 8.0 * np.convolve(flow, np.full(5, 0.2), "same")
+    file = table(tmp_path / "a.csv", {"time [s]": np.arange(200.0), "flow": flow, "warm [K]": heat})
+    start(file, tmp_path / "first")
+    _, (run,) = opened(file, tmp_path / "first")
+    assert list(run.outputs) == ["warm"]
+    assert list(run.inputs) == ["flow"]
+    names = (tmp_path / "first" / "map.toml").read_text()
+    assert "FILL IN" not in names
+    assert "'flow' has no unit" in names

@@ -1,6 +1,8 @@
 """Signs and units that no other channel contradicts: the model errs less with a channel multiplied."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -175,3 +177,26 @@ def test_gravity_that_points_the_other_way_is_asked(tmp_path: Path):
         runs += read_run(table(tmp_path / f"{i}.csv", {"time": t, "height": h}), own)
     with pytest.raises(InputError, match="or gravity in model"):
         examine(own, runs)
+
+
+def test_an_angle_in_radians_that_is_said_to_be_in_degrees_is_asked_beside_an_input_too(tmp_path: Path):
+    """With rpm in place of degrees the model errs as little, but its inertia is six times as large."""
+    own = checks.open_folder(str(folder(tmp_path / "model", ROTARY)))
+    r = rig(rows=1600)
+    columns = {"time": r["t"], "position [deg]": r["q"], "torque [N.m]": r["torque"]}
+    core = Core(own, split(read_run(table(tmp_path / "a.csv", columns), own), (), ()))
+    assert "column position: 57.3 times as large" in mistaken.evident(core)
+
+
+@pytest.mark.parametrize(
+    ("turned", "silent", "asked"),
+    [(-1840.0, -1813.0, True), (-1815.0, -1813.0, False), (60.0, 90.0, False)],
+)
+def test_turned_channels_have_to_be_likelier_than_those_of_now_and_than_no_input(
+    monkeypatch, turned: float, silent: float, asked: bool
+):
+    core: Any = SimpleNamespace(base=SimpleNamespace(total=148.0), fresh={})
+    monkeypatch.setattr(mistaken, "_inputs", lambda core: ["u"])
+    monkeypatch.setattr(mistaken, "_fitted", lambda *a: (0.1, SimpleNamespace(total=silent)))
+    point: Any = SimpleNamespace(total=turned)
+    assert mistaken._likelier(core, point) is asked
