@@ -10,6 +10,7 @@ from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
 from reconcile.filter.kalman import CREEP, NOISES, TAU
 from reconcile.filter.point import Free, standard_errors
+from reconcile.judging import judge as judges
 from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
