@@ -1,5 +1,6 @@
 """What is fitted: parameters in unit-free coordinates, and fitted points."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISES, Values
 
+RARE = 3.0  # nats by which something is less likely than at its limit, beyond which it is in one of 20 cases
 NEAR = 0.5  # of a parameter, by which a step moves it as its slope says
 
 
@@ -112,6 +114,19 @@ class Point:
         z[others] -= np.clip(np.linalg.solve(h, pushed), -1.0, 1.0)
         at = np.flatnonzero(others)
         return self.values | wanted | {self.free[i].name: self.free[i].value(z[i]) for i in at}
+
+
+def standard_errors(point: Point) -> Mapping[str, float]:
+    """Of all that was fitted, in its own unit.
+
+    Of what lies at a limit: by how far it may be beside it, with the same probability.
+    """
+    size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
+    slope, bend = np.abs(point.gradient) + 1e-300, np.sqrt(np.diag(point.information) + 1.0)
+    size = np.where(point.held, np.minimum(RARE / slope, 1.96 / bend) / 1.96, size)
+    return {
+        f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
+    }
 
 
 @dataclass(frozen=True)

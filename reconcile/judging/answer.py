@@ -6,13 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile.equations.model import Attached
-from reconcile.filter.point import Point
+from reconcile.filter.point import Point, standard_errors
 from reconcile.judging.judge import Judged
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import Key
-
-RARE = 3.0  # nats by which something is less likely than at its limit, beyond which it is in one of 20 cases
 
 
 @dataclass(frozen=True)
@@ -42,19 +40,6 @@ class Answer:
     def alternatives(self) -> tuple[Key, ...]:
         """Sets that may be the answer as well."""
         return self.judged.alternatives
-
-
-def standard_errors(point: Point) -> Mapping[str, float]:
-    """Of all that was fitted, in its own unit.
-
-    Of what lies at a limit: by how far it may be beside it, with the same probability.
-    """
-    size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
-    slope, bend = np.abs(point.gradient) + 1e-300, np.sqrt(np.diag(point.information) + 1.0)
-    size = np.where(point.held, np.minimum(RARE / slope, 1.96 / bend) / 1.96, size)
-    return {
-        f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
-    }
 
 
 def errors(answer: Answer) -> Mapping[str, float]:

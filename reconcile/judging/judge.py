@@ -7,7 +7,7 @@ from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, confirmed, noise
-from reconcile.filter.point import Point
+from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
 from reconcile.search.sets import BEHIND, Key
 from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
@@ -165,19 +165,26 @@ class Judge:
         return found
 
     def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
-        """The set without effects, of kinds so probable, that take too little of the error away."""
+        """The set without effects that may be nothing, or that take too little of the error away.
+
+        `kinds`: how probable they are.
+        """
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
+            idle = [
+                a for a in key if key - {a} in self.beam.points and _may_be_nothing(self.beam.points[key], a)
+            ]
             weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
-            weak = [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
+            weak = idle or [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
                 break
             # two that can stand for each other both take nothing away: the likelier one stays
             worst = max(weak, key=lambda a: self.beam.joint(key - {a}))
             left, _ = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
-            refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
+            because = "its interval holds nothing at all" if idle else text
+            refused.append({"effect": worst.effect.name, "port": worst.port, "because": because})
             key = key - {worst}
         while (limit := _limit(self.beam, key)) is not None:
             key = limit
@@ -279,3 +286,10 @@ def _nothing(point: Point, a: Attached) -> bool:
     return bool(names) and all(
         point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
     )
+
+
+def _may_be_nothing(point: Point, a: Attached) -> bool:
+    """Whether the intervals of all that makes an effect large, of one with a gate of all it has, hold nothing."""
+    errors, parameters = standard_errors(point), a.effect.amplitudes or a.effect.parameters
+    names = [a.name(q.name) for q in parameters]
+    return all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in names)

@@ -14,8 +14,8 @@ from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
-from reconcile.filter.point import Point
-from reconcile.judging.answer import Answer, standard_errors
+from reconcile.filter.point import Point, standard_errors
+from reconcile.judging.answer import Answer
 from reconcile.recordings.data import Block, Parts, Run, Signal
 from reconcile.search.core import Core
 from reconcile.search.sets import effects, weighed

@@ -13,8 +13,7 @@ from functools import lru_cache
 
 from reconcile.catalogue.offset import NAME
 from reconcile.equations.model import Attached, Folder
-from reconcile.filter.point import Point
-from reconcile.judging.answer import standard_errors
+from reconcile.filter.point import Point, standard_errors
 from reconcile.recordings import offsets as recorded
 from reconcile.recordings.data import Run, split
 from reconcile.recordings.offsets import input_period

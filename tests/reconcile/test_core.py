@@ -9,8 +9,8 @@ from fmus.definition import Variable
 from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
 from reconcile.filter.kalman import CREEP, NOISES, TAU
-from reconcile.filter.point import Free
-from reconcile.judging.answer import standard_errors
+from reconcile.filter.point import Free, standard_errors
+from reconcile.judging import judge as judges
 from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
@@ -244,12 +244,19 @@ def test_probabilities_are_probabilities_and_the_same_twice(friction: Beam):
     assert judged.probability["coulomb_friction"] > 0.9
 
 
-def test_what_does_not_shorten_the_error_ahead_is_refused(friction: Beam):
+@pytest.mark.parametrize(
+    ("wide", "because"), [(True, "its interval holds nothing at all"), (False, "data it was not fitted to")]
+)
+def test_what_may_be_nothing_or_does_not_shorten_the_error_ahead_is_refused(
+    friction: Beam, monkeypatch, wide: bool, because: str
+):
     key = fitted(friction, [FRICTION, "constant_load@v"])
+    if not wide:  # as if the interval were narrow
+        monkeypatch.setattr(judges, "_may_be_nothing", lambda point, a: False)
     kept, refused = Judge(friction)._earning(key, {"friction": 1.0, "load": 0.5})
     assert [a.key for a in kept] == [FRICTION]
     assert [(r["effect"], r["port"]) for r in refused] == [("constant_load", "v")]
-    assert "data it was not fitted to" in refused[0]["because"]
+    assert because in refused[0]["because"]
 
 
 # ---------------------------------------------------------------- any pace, any model

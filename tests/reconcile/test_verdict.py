@@ -8,7 +8,7 @@ import pytest
 
 from reconcile.catalogue import Scales
 from reconcile.equations.model import candidates
-from reconcile.filter.point import Free
+from reconcile.filter.point import Free, standard_errors
 from reconcile.judging import answer as answers, judge as judges, verdict as verdicts
 from reconcile.search.free import LATEST, FreeParameters
 
@@ -94,7 +94,7 @@ def test_what_lies_at_its_limit_has_an_interval_too():
         information=np.diag([0.0, 3.0, 3.0]),
         covariance=lambda: np.diag([0.0, 0.0, 0.25]),
     )
-    found = answers.standard_errors(point)
+    found = standard_errors(point)
     assert 1.96 * found["steep"] == pytest.approx(2.0 * 0.1)  # three nats
     assert found["flat"] == found["inside"] == pytest.approx(1.0)
 
