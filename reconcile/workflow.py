@@ -136,8 +136,8 @@ def examine(
         figures["sentence"] += f" {recorded_clocks.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(answer, figures)
-    notes = mistaken.turned_parameters(answer), mistaken.bounded_parameters(answer), CUT * answer.beam.cut
-    for more in notes:
+    doubts = mistaken.turned_parameters, mistaken.bounded_parameters, mistaken.bounded_effects
+    for more in (*(said_of(answer) for said_of in doubts), CUT * answer.beam.cut):
         figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)
     figures |= quantization.added(figures, steps, answer.core.model.name)

@@ -289,7 +289,7 @@ def _nothing(point: Point, a: Attached) -> bool:
 
 
 def _may_be_nothing(point: Point, a: Attached) -> bool:
-    """Whether the intervals of all that makes an effect large, of one with a gate of all it has, hold nothing."""
+    """Whether the intervals of its amplitudes, of an effect with a gate all its intervals, hold nothing."""
     errors, parameters = standard_errors(point), a.effect.amplitudes or a.effect.parameters
     names = [a.name(q.name) for q in parameters]
     return all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in names)

@@ -104,6 +104,19 @@ def bounded_parameters(answer: Answer) -> str:
     return f"{', '.join(found)} (in model.py): a wider one may explain more." if found else ""
 
 
+def bounded_effects(answer: Answer) -> str:
+    """A sentence on parameters of named effects that lie at limits of the catalogue; "" without."""
+    point = answer.point
+    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+    found = [
+        f"{q.name} of {a.effect.name} lies at its limit, {point.values[a.name(q.name)]:g}"
+        for a in answer.present
+        for q in a.effect.parameters
+        if a.name(q.name) in held and point.values[a.name(q.name)] != 0.0
+    ]
+    return f"{words.listed(found)}: it may stand for something else." if found else ""
+
+
 def _turned(core: Core) -> list[Ratios]:
     """Every input turned round, and every axis with all that is its rate."""
     groups = [[n] for n in _inputs(core)] + turns(core.model, core.outputs)

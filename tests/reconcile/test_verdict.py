@@ -9,7 +9,7 @@ import pytest
 from reconcile.catalogue import Scales
 from reconcile.equations.model import candidates
 from reconcile.filter.point import Free, standard_errors
-from reconcile.judging import answer as answers, judge as judges, verdict as verdicts
+from reconcile.judging import answer as answers, judge as judges, mistaken, verdict as verdicts
 from reconcile.search.free import LATEST, FreeParameters
 
 
@@ -129,3 +129,22 @@ def test_what_was_turned_down_is_said_where_nothing_is_named():
     )
     answer.judged.refused = []
     assert verdicts._turned_down(answer) == ""
+
+
+def test_a_parameter_of_an_effect_at_its_limit_is_said(rig):
+    (shaft,) = (
+        a
+        for a in candidates(rig, [*rig.ports.controls, *rig.ports.outputs])
+        if a.key == "structural_compliance@v"
+    )
+    free = tuple(Free(shaft.name(n), 1.0, 1.0, True) for n in ("k", "c", "share"))
+    point = SimpleNamespace(
+        free=free,
+        held=[False, False, True],
+        values={f.name: v for f, v in zip(free, (3.0, 0.1, 0.98), strict=True)},
+    )
+    answer: Any = SimpleNamespace(point=point, present=(shaft,))
+    said = "share of structural_compliance lies at its limit, 0.98: it may stand for something else."
+    assert mistaken.bounded_effects(answer) == said
+    point.held = [False, False, False]
+    assert mistaken.bounded_effects(answer) == ""
