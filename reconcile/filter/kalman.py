@@ -60,10 +60,8 @@ class _Rows:
     step: np.ndarray  # [m] of which a row is a part
     later: np.ndarray  # [m] whether it is not the first of them
     first: np.ndarray | None  # rows [n] that are; None where all are
-    at: (
-        np.ndarray
-    )  # [n, NY] numbers of the samples, as a step's and output's, that would be there without delays
-    missing: np.ndarray  # [n, NY] where there is none
+    at: np.ndarray  # [n, NY] numbers, among all steps and outputs, of what would be there without delays
+    missing: np.ndarray  # [n, NY] where nothing would
 
     def of_steps(self, values: np.ndarray) -> np.ndarray:
         """Values [n, ...] of the steps among those [m, ...] of the rows."""

@@ -49,7 +49,7 @@ def differing(core: Core, answer: Answer) -> dict[str, Clock]:
     names = _recordings(core)
     if len(names) < 2 or not core.folder.ports.controls or not core.model.inputs:
         return {}
-    for point in (answer.point, answer.base):
+    for point in (answer.point, core.base):
         offsets = core.period * np.arange(-LATEST, LATEST + 1)
         table = _table(core, point, offsets)
         if table is None:

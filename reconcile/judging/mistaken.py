@@ -35,16 +35,17 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     errs = ahead(core, core.base)
     if errs < WRONG:
         return ""
-    tried = [(*t, ratios) for ratios in _turned(core) if (t := _fitted(core, ratios, core.fresh, (), errs))]
+    fitted = ((_fitted(core, ratios, core.fresh, (), errs), ratios) for ratios in _turned(core))
+    tried = [(*f, ratios) for f, ratios in fitted if f and f[1].total < core.base.total]
     error, point, ratios = min(tried, key=lambda row: row[0], default=(np.inf, core.base, {}))
-    clear = error < EVIDENT * errs and point.total < core.base.total
-    if (clear and not _silent(core, error, core.fresh, ())) or (error < errs and _likelier(core, point)):
+    clear = error < EVIDENT * errs and not _silent(core, error, core.fresh, ())
+    if clear or (error < errs and _likelier(core, point)):
         return _sentence(core, ratios, errs, error, names or {})
     other = [(*_refitted(core, ratios), ratios) for ratios in _rescaled(core, errs)]
-    clear = [row for row in other if row[0] < min(EVIDENT * errs, WRONG)]
-    if not clear:
+    explained = [row for row in other if row[0] < min(EVIDENT * errs, WRONG)]
+    if not explained:
         return ""
-    error, _, ratios = min(clear, key=lambda row: row[1])  # the parameters are then as model.py states them
+    error, _, ratios = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, ratios, errs, error, names or {})
 
 

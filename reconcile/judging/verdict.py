@@ -99,7 +99,10 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
 def _turned_down(answer: Answer) -> str:
     """The likeliest effects that are not named all the same, and why."""
     reasons = {r["effect"]: r["because"] for r in answer.judged.refused}
-    said = [f"{name} ({because})" for name, because in list(reasons.items())[-MOST_TURNED_DOWN:]]
+    last = list(reasons)[-MOST_TURNED_DOWN:]
+    if len(last) > 1 and len({reasons[n] for n in last}) == 1:
+        return f" Likeliest, but turned down: {words.listed(last)} (each {reasons[last[0]]})."
+    said = [f"{name} ({reasons[name]})" for name in last]
     return f" Likeliest, but turned down: {words.listed(said)}." if said else ""
 
 

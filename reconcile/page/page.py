@@ -76,11 +76,12 @@ def write_first(path: Path, core: Core, title: str) -> Path:
 
 
 def _head(figures: Mapping[str, Any], title: str) -> str:
-    sentence = figures["sentence"]
+    sentence, _, more = figures["sentence"].partition(". ")
     tone = TONES.get(figures["verdict"], "none") + (" long" if len(sentence) > LONG else "")
     return (
         f"<header><h1>Slewright · reconcile {escape(title)}</h1>"
-        f"<p class='verdict {tone}'>{escape(sentence)}</p>{shell.facts(_facts(figures))}</header>"
+        f"<p class='verdict {tone}'>{escape(sentence + '.' * bool(more))}</p><p>{escape(more)}</p>"
+        f"{shell.facts(_facts(figures))}</header>"
     )
 
 

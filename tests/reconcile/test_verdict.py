@@ -127,6 +127,9 @@ def test_what_was_turned_down_is_said_where_nothing_is_named():
     assert said == (
         " Likeliest, but turned down: viscous_friction (takes 3 %) and coulomb_friction (takes 2 %)."
     )
+    answer.judged.refused = [r | {"because": "takes nothing"} for r in refused[:2]]
+    said = " Likeliest, but turned down: stiffness and viscous_friction (each takes nothing)."
+    assert verdicts._turned_down(answer) == said
     answer.judged.refused = []
     assert verdicts._turned_down(answer) == ""
 
