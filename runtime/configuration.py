@@ -13,6 +13,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from runtime.can.engine import Engine
 from runtime.can.joystick import Joysticks
 from runtime.canopen.start import identities
 from runtime.image import OUTPUT, TICK_S
@@ -74,6 +75,7 @@ class Can:
     bit_rate: int = 250_000
     dbc: Path | None = None
     joystick: Joysticks | None = None  # J1939 joysticks; without: the panel's own message
+    engine: Engine | None = None  # a J1939 engine; without: the machine's own message
 
     def __post_init__(self) -> None:
         wanted = definition().bus.bit_rate

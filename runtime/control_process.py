@@ -16,6 +16,7 @@ import can
 
 from runtime import configuration, helpers, realtime
 from runtime.bundle import load
+from runtime.can.engine import EngineSpeed
 from runtime.can.joystick import Joystick
 from runtime.can.native import NativePort
 from runtime.can.port import open_bus
@@ -77,9 +78,10 @@ def _control(
     """All cycles, and their statistics."""
     folder, quiet, found = Path(told["folder"]), bool(told.get("shadow")), Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
+    engine = EngineSpeed(wanted.can.engine) if wanted.can.engine else None
     overheard = Overheard() if quiet else None
     ports: list[Port] = [
-        wires := NativePort(bus, core.library, joystick, overheard),
+        wires := NativePort(bus, core.library, joystick, engine, overheard),
         *_others(wanted, folder, found, bool(told.get("images"))),
     ]
     if devices:

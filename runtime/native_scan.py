@@ -2,7 +2,7 @@
 
 What a tick does is what `Scan` says with the same ports: values in and out of the image, the core's step,
 who commands, what is shown, counted and recorded.  Python takes part only while a bus is gone, and in every
-tick where frames come of a J1939 joystick.  `serves` says which cores, ports and buses C can have.
+tick where frames come of a J1939 joystick or engine.  `serves` says which cores, ports and buses C can have.
 """
 
 import ctypes

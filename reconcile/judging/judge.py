@@ -16,6 +16,7 @@ MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
+FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
@@ -172,9 +173,7 @@ class Judge:
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
-            idle = [
-                a for a in key if key - {a} in self.beam.points and _may_be_nothing(self.beam.points[key], a)
-            ]
+            idle = [a for a in key if self._may_be_nothing(key, a)]
             weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
             weak = idle or [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
@@ -207,6 +206,17 @@ class Judge:
         whole = confirmed(self.core, none) - confirmed(self.core, with_it)
         enough = 0.0 if probability > CERTAIN else TOLD
         return gained > max(enough, OF_NATS * whole)
+
+    def _may_be_nothing(self, key: Key, a: Attached) -> bool:
+        """Whether the intervals of its amplitudes, of an effect with a gate all its intervals, hold nothing.
+
+        What gains much is there all the same: of two parameters that stand for each other no interval tells.
+        """
+        if key - {a} not in self.beam.points or self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
+            return False
+        point, parameters = self.beam.points[key], a.effect.amplitudes or a.effect.parameters
+        errors, names = standard_errors(point), [a.name(q.name) for q in parameters]
+        return all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in names)
 
     def _relieves(self, key: Key, a: Attached) -> bool:
         """Whether a parameter leaves what the model states of it, where the effect is not there."""
@@ -286,10 +296,3 @@ def _nothing(point: Point, a: Attached) -> bool:
     return bool(names) and all(
         point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
     )
-
-
-def _may_be_nothing(point: Point, a: Attached) -> bool:
-    """Whether the intervals of its amplitudes, of an effect with a gate all its intervals, hold nothing."""
-    errors, parameters = standard_errors(point), a.effect.amplitudes or a.effect.parameters
-    names = [a.name(q.name) for q in parameters]
-    return all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in names)

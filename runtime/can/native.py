@@ -42,8 +42,9 @@ class Parts(NamedTuple):
 class NativePort:
     """A `Port` of the scan (runtime/scan.py) on `bus`; `library`: that of a loaded bundle.
 
-    `joystick` reads frames of a J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py), `other`
-    frames that are nobody's input (runtime/shadow.py).
+    `joystick` reads frames of a J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py),
+    `engine` those of a J1939 engine (runtime/can/engine.py), `other` frames that are nobody's input
+    (runtime/shadow.py).
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class NativePort:
         bus: can.BusABC | FrameSource,
         library: ctypes.CDLL,
         joystick: Reader | None = None,
+        engine: Reader | None = None,
         other: Reader | None = None,
     ) -> None:
         """Raises InputError for a library that was compiled for other frames."""
@@ -71,7 +73,7 @@ class NativePort:
         self._came, self._going = Batch(FRAMES_A_TICK), Batch(len(sent_by(NODE)))
         self._inputs, self._at_inputs = INPUT.new(), 0  # images seen last and where they lie
         self._outputs, self._at_outputs = INPUT.new(), 0
-        self.readers = [r for r in (joystick, other) if r]
+        self.readers = [r for r in (joystick, engine, other) if r]
         self.alone = other is None  # whether nobody else may send what we send
         self._heard = self._another = self._flags = 0
         self.unsent = 0  # frames that could not be sent

@@ -109,7 +109,8 @@ class CanPort:
     """The controller's CAN: a `Port` of the scan (runtime/scan.py).
 
     `messages` are those it reads (default: all that are for the controller); `joystick` reads frames of a
-    J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py).
+    J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py), `engine` those of a J1939 engine
+    (runtime/can/engine.py).
     """
 
     def __init__(
@@ -117,6 +118,7 @@ class CanPort:
         bus: can.BusABC | FrameSource,
         messages: list[Codec] | None = None,
         joystick: "Reader | None" = None,
+        engine: "Reader | None" = None,
         index: tuple[Mapping[str, int], Mapping[str, int]] = (INPUT.index, OUTPUT.index),
         node: str = NODE,
     ) -> None:
@@ -126,7 +128,7 @@ class CanPort:
             wanted = [c for c in wanted if c.message.name != JOYSTICK]
         self.receiver = Receiver(wanted, index[0])
         self.transmitter = Transmitter(node, index[1])
-        self.joystick = joystick
+        self.readers = [r for r in (joystick, engine) if r]
         self._timed_by = next((c.message.frame_id for c in wanted if c.message.name == TIMED_BY), None)
         self.passive = self.off = False
         self._was_off = False  # in the last tick, if only for a moment
@@ -154,8 +156,8 @@ class CanPort:
         if self.ours != before:
             self._another = tick + SHOWN_TICKS
         self.receiver.fill(inputs, tick)
-        if self.joystick:
-            self.joystick.fill(inputs, tick)
+        for reader in self.readers:
+            reader.fill(inputs, tick)
 
     def _take(self, found: tuple[int, bytes, int], tick: int, now: int) -> None:
         identifier, data, stamp = found
@@ -170,7 +172,7 @@ class CanPort:
             return
         came = tick - max(0, now - stamp) // PERIOD_NS  # what waited is as old as it is
         frame_id = identifier & wire.IDENTIFIER
-        if self.joystick is None or not self.joystick.take(frame_id, data, came):
+        if not any(reader.take(frame_id, data, came) for reader in self.readers):
             self.receiver.take(frame_id, data, came, stamp)
             self.ours += frame_id in self._sent
 

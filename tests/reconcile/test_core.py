@@ -10,7 +10,6 @@ from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
 from reconcile.filter.kalman import CREEP, NOISES, TAU
 from reconcile.filter.point import Free, standard_errors
-from reconcile.judging import judge as judges
 from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
@@ -252,7 +251,7 @@ def test_what_may_be_nothing_or_does_not_shorten_the_error_ahead_is_refused(
 ):
     key = fitted(friction, [FRICTION, "constant_load@v"])
     if not wide:  # as if the interval were narrow
-        monkeypatch.setattr(judges, "_may_be_nothing", lambda point, a: False)
+        monkeypatch.setattr(Judge, "_may_be_nothing", lambda self, key, a: False)
     kept, refused = Judge(friction)._earning(key, {"friction": 1.0, "load": 0.5})
     assert [a.key for a in kept] == [FRICTION]
     assert [(r["effect"], r["port"]) for r in refused] == [("constant_load", "v")]

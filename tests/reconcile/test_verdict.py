@@ -151,3 +151,18 @@ def test_a_parameter_of_an_effect_at_its_limit_is_said(rig):
     assert mistaken.bounded_effects(answer) == said
     point.held = [False, False, False]
     assert mistaken.bounded_effects(answer) == ""
+
+
+@pytest.mark.parametrize(
+    ("gained", "value", "idle"), [(8.0, 0.9, True), (25.0, 0.9, False), (8.0, 2.1, False)]
+)
+def test_what_gains_much_is_there_whatever_its_interval_holds(
+    rig, monkeypatch, gained: float, value: float, idle: bool
+):
+    friction = next(a for a in candidates(rig, [*rig.ports.outputs]) if a.key == "coulomb_friction@v")
+    name, key = friction.name("Fc"), frozenset({friction})
+    point = SimpleNamespace(values={name: value})
+    monkeypatch.setattr(judges, "standard_errors", lambda point: {name: 1.0})
+    beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
+    beam.loss = {key: 0.0, frozenset(): gained}.__getitem__
+    assert judges.Judge(beam)._may_be_nothing(key, friction) is idle
