@@ -54,6 +54,7 @@ def told(core: Core, runs: Sequence[Run]) -> dict[str, Any]:
         "parameters": {n: {"known_to": share, "told": share < KNOWN} for n, share in known.items()},
         "unseen": untold.unseen(core, core.base),
         "effects": {a.key: _effect(screen, a) for a in core.candidates if a.effect.amplitudes},
+        "not_foretold": [a.key for a in core.candidates if not a.effect.amplitudes],
         "untold": untold.untold(core.folder, runs),
         "notes": [*(f"{r.name}: {n}" for r in runs for n in r.notes), *units.notes(runs)],
         "seed": 0,
@@ -90,6 +91,7 @@ def lines(figures: dict[str, Any]) -> list[str]:
         "effects that they tell well": by["well"],
         "effects that they tell weakly": by["weakly"],
         "effects that look like something else": by["not separable"],
+        "effects that are looked for, but nothing says before how well they show": figures["not_foretold"],
     }
     found += [f"{what}: {', '.join(names)}" for what, names in rows.items() if names]
     return found + without_axis(figures)

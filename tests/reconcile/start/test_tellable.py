@@ -25,6 +25,8 @@ def test_a_moving_rig_tells_its_parameters_and_frictions():
     dry, own = (found["effects"][f"{n}@v"]["least"] for n in ("coulomb_friction", "viscous_friction"))
     assert own is None or dry < own  # the model has drag itself
     assert "mass" in " ".join(lines(found))
+    assert {"input_dead_zone@force", "structural_compliance@v"} <= set(found["not_foretold"])
+    assert any(line.startswith("effects that are looked for, but") for line in lines(found))
 
 
 def test_less_motion_tells_less():
