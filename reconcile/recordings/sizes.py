@@ -20,6 +20,7 @@ from fmus.definition import Model
 from fmus.toolchain.discrete import DiscreteStepper
 from fmus.toolchain.stepper import Stepper
 from reconcile.recordings.noise import high_pass_level
+from records.formats.text.clock import UNTIMED
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, RunError
 from specs.units import UNITS, compatible
@@ -36,8 +37,9 @@ MOVES = 4.0  # noise levels by which an input moves
 
 
 def check(measured: Measurement, channels: Mapping[str, Channel], folder, where: str) -> None:
-    """Raise InputError for a column without a unit whose size is that of another unit."""
+    """Raise InputError for a column without a unit, or a time, whose size is that of another unit."""
     model = folder.model
+    _check_time(measured, channels, model.step, where)
     variables = {v.name: v for v in (*model.inputs, *model.outputs)}
     bare = [n for n in channels if _unstated(measured, n) and variables[n].unit not in ("", "1")]
     if bare and isinstance(model, Model):
@@ -52,6 +54,18 @@ def check(measured: Measurement, channels: Mapping[str, Channel], folder, where:
             raise InputError(_sentence(where, n, said, variables[n].unit, factor))
     if bare and isinstance(model, Model):
         _refuse(where, bare, variables, _against_model(channels, model))
+
+
+def _check_time(measured: Measurement, channels: Mapping[str, Channel], step: float, where: str) -> None:
+    """A time without a unit in which a sample takes a thousand of the model's steps (s), or a million."""
+    every = min(c.period_s for c in channels.values())
+    for factor, unit in ((1e3, "ms"), (1e6, "us")):
+        if UNTIMED in measured.repairs and factor / CLOSE < every / step < factor * CLOSE:
+            raise InputError(
+                f"{where}: its time states no unit; in seconds a sample comes every {every:.4g} s, "
+                f"{factor:g} steps of the model ({step:g} s). In [names] of --map write 'THEIRS' = "
+                f"'time [{unit}]', THEIRS its column, or 'time [s]' if that is right"
+            )
 
 
 def _refuse(

@@ -13,7 +13,7 @@ from reconcile.equations.model import read_folder
 from reconcile.judging.answer import Answer
 from reconcile.judging.judge import Judge
 from reconcile.judging.untold import untold
-from reconcile.recordings.data import runs_of, split
+from reconcile.recordings.data import read_run, runs_of, split
 from reconcile.reporting.target import check as check_target, staged
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
@@ -22,6 +22,7 @@ from records.measurement import Channel, Measurement
 from slewright.__main__ import run as command
 from specs.errors import InputError
 from tests.reconcile.conftest import RIG
+from tests.reconcile.start.test_init import table
 from tests.reconcile.truth import Truth, record
 
 SECONDS = 12.0
@@ -334,6 +335,18 @@ def test_a_column_without_unit_that_is_off_by_a_factor_is_pointed_out(rig, scale
     with pytest.raises(InputError, match="states no unit") as error:
         runs_of(measurement(scaled, units={}), rig, "rec")
     assert hint in str(error.value)
+
+
+def test_a_time_in_thousandths_that_states_no_unit_is_asked(rig, tmp_path):
+    move = np.sin(0.05 * np.arange(200.0))
+    columns = {"position [m]": move, "velocity [m/s]": np.gradient(move, 0.005), "force [N]": move}
+    file = table(tmp_path / "a.csv", {"time": 5.0 * np.arange(200.0), **columns})
+    with pytest.raises(InputError, match=r"1000 steps of the model .*'time \[ms\]'"):
+        read_run(file, rig)
+    (run,) = read_run(file, rig, {"time": "time [ms]"})
+    assert run.period_s == pytest.approx(0.005)
+    (run,) = read_run(file, rig, {"time": "time [s]"})
+    assert run.period_s == pytest.approx(5.0)
 
 
 def test_a_column_without_unit_of_the_right_size_is_taken_and_so_is_a_stated_one(rig):
