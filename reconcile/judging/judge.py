@@ -213,8 +213,8 @@ class Judge:
         """Why an effect cannot be meant, however likely its set is; "" where nothing says so.
 
         A shaft with hardly any inertia on one end is none.  The intervals of an effect's amplitudes, of one
-        with a gate all intervals, may hold nothing; what gains much is there all the same: where two parameters
-        stand for each other no interval tells.
+        with a gate all intervals, may hold nothing.  What gains much is there all the same: where two
+        parameters stand for each other no interval tells.
         """
         point, own = self.beam.points[key], {a.name(q.name): q for q in a.effect.parameters}
         held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
