@@ -16,6 +16,7 @@ MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
+NO_SHAFT = "one of its ends has hardly any inertia"
 FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -166,24 +167,25 @@ class Judge:
         return found
 
     def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
-        """The set without effects that may be nothing, or that take too little of the error away.
+        """The set without effects that cannot be meant, or that take too little of the error away.
 
         `kinds`: how probable they are.
         """
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
-            idle = [a for a in key if self._may_be_nothing(key, a)]
+            unfit = {a: why for a in key if key - {a} in self.beam.points and (why := self._unfit(key, a))}
             weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
-            weak = idle or [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
+            weak = list(unfit) or [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
                 break
             # two that can stand for each other both take nothing away: the likelier one stays
             worst = max(weak, key=lambda a: self.beam.joint(key - {a}))
             left, _ = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
-            because = "its interval holds nothing at all" if idle else text
-            refused.append({"effect": worst.effect.name, "port": worst.port, "because": because})
+            refused.append(
+                {"effect": worst.effect.name, "port": worst.port, "because": unfit.get(worst, text)}
+            )
             key = key - {worst}
         while (limit := _limit(self.beam, key)) is not None:
             key = limit
@@ -207,16 +209,22 @@ class Judge:
         enough = 0.0 if probability > CERTAIN else TOLD
         return gained > max(enough, OF_NATS * whole)
 
-    def _may_be_nothing(self, key: Key, a: Attached) -> bool:
-        """Whether the intervals of its amplitudes, of an effect with a gate all its intervals, hold nothing.
+    def _unfit(self, key: Key, a: Attached) -> str:
+        """Why an effect cannot be meant, however likely its set is; "" where nothing says so.
 
-        What gains much is there all the same: of two parameters that stand for each other no interval tells.
+        A shaft with hardly any inertia on one end is none.  The intervals of an effect's amplitudes, of one
+        with a gate all intervals, may hold nothing.  What gains much is there all the same: where two
+        parameters stand for each other no interval tells.
         """
-        if key - {a} not in self.beam.points or self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
-            return False
-        point, parameters = self.beam.points[key], a.effect.amplitudes or a.effect.parameters
-        errors, names = standard_errors(point), [a.name(q.name) for q in parameters]
-        return all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in names)
+        point, own = self.beam.points[key], {a.name(q.name): q for q in a.effect.parameters}
+        held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+        if a.effect.shaft and a.name("share") in held:
+            return NO_SHAFT
+        if self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
+            return ""
+        errors, sizes = standard_errors(point), [n for n, q in own.items() if q.amplitude] or list(own)
+        nothing = all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in sizes)
+        return "its interval holds nothing at all" if nothing else ""
 
     def _relieves(self, key: Key, a: Attached) -> bool:
         """Whether a parameter leaves what the model states of it, where the effect is not there."""

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from reconcile import words
+from reconcile.catalogue.kinds import kind as kind_of
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, squares
 from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer, errors
 from reconcile.judging.combined import combined
+from reconcile.judging.judge import NO_SHAFT
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -101,7 +103,7 @@ def _turned_down(answer: Answer) -> str:
     reasons = {r["effect"]: r["because"] for r in answer.judged.refused}
     last = list(reasons)[-MOST_TURNED_DOWN:]
     if len(last) > 1 and len({reasons[n] for n in last}) == 1:
-        return f" Likeliest, but turned down: {words.listed(last)} (each {reasons[last[0]]})."
+        return f" Likeliest, but turned down: {words.listed(last)} (each: {reasons[last[0]]})."
     said = [f"{name} ({reasons[name]})" for name in last]
     return f" Likeliest, but turned down: {words.listed(said)}." if said else ""
 
@@ -116,8 +118,8 @@ def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
     errs = words.percent(ahead(answer.core, answer.point))
     text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
-    kinds = answer.judged.kinds
-    sure = next((k for k, p in kinds.items() if p >= SURE), None)
+    none = {kind_of(r["effect"]) for r in answer.judged.refused if r["because"] == NO_SHAFT}
+    sure = next((k for k, p in answer.judged.kinds.items() if p >= SURE and k not in none), None)
     sizes = answer.core.disturbances(answer.point.values)
     worst = max(sizes, key=lambda p: sizes[p])
     size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"

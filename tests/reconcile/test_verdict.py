@@ -128,7 +128,7 @@ def test_what_was_turned_down_is_said_where_nothing_is_named():
         " Likeliest, but turned down: viscous_friction (takes 3 %) and coulomb_friction (takes 2 %)."
     )
     answer.judged.refused = [r | {"because": "takes nothing"} for r in refused[:2]]
-    said = " Likeliest, but turned down: stiffness and viscous_friction (each takes nothing)."
+    said = " Likeliest, but turned down: stiffness and viscous_friction (each: takes nothing)."
     assert verdicts._turned_down(answer) == said
     answer.judged.refused = []
     assert verdicts._turned_down(answer) == ""
@@ -161,8 +161,18 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
 ):
     friction = next(a for a in candidates(rig, [*rig.ports.outputs]) if a.key == "coulomb_friction@v")
     name, key = friction.name("Fc"), frozenset({friction})
-    point = SimpleNamespace(values={name: value})
+    point = SimpleNamespace(values={name: value}, free=(), held=())
     monkeypatch.setattr(judges, "standard_errors", lambda point: {name: 1.0})
     beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
     beam.loss = {key: 0.0, frozenset(): gained}.__getitem__
-    assert judges.Judge(beam)._may_be_nothing(key, friction) is idle
+    assert judges.Judge(beam)._unfit(key, friction) == ("its interval holds nothing at all" if idle else "")
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
+    shaft = next(a for a in candidates(rig, [*rig.ports.controls, *rig.ports.outputs]) if a.effect.shaft)
+    free, key = (Free(shaft.name("share"), 1.0, 1.0, True),), frozenset({shaft})
+    point = SimpleNamespace(values={shaft.name("share"): 0.98}, free=free, held=(held,))
+    beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
+    beam.loss = {key: 0.0, frozenset(): 500.0}.__getitem__
+    assert judges.Judge(beam)._unfit(key, shaft) == (judges.NO_SHAFT if held else "")
