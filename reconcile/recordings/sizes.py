@@ -39,7 +39,8 @@ MOVES = 4.0  # noise levels by which an input moves
 def check(measured: Measurement, channels: Mapping[str, Channel], folder, where: str) -> None:
     """Raise InputError for a column without a unit, or a time, whose size is that of another unit."""
     model = folder.model
-    _check_time(measured, channels, model.step, where)
+    if isinstance(model, Model):
+        _check_time(measured, channels, model.step, where)
     variables = {v.name: v for v in (*model.inputs, *model.outputs)}
     bare = [n for n in channels if _unstated(measured, n) and variables[n].unit not in ("", "1")]
     if bare and isinstance(model, Model):
