@@ -16,13 +16,12 @@ from runtime.interfaces.port import Asked, SeatsPort
 from runtime.interfaces.seats import BEAT, GRANTED, HOLDS_GRANTED, HOLDS_SEAT, NAMES, PLACES, Seat
 from runtime.modbus.cells import HOLDING, TARGETS
 from runtime.modbus.holding import LAPSE_NS
-from runtime.modbus.port import PERIOD_NS
+from runtime.modbus.port import PERIOD_NS, PLACES as WHERE
 from runtime.shared import Cell
 
 Random = np.random.Generator
 BEAT_TICKS = 5  # between two signs of life (10 Hz)
 NONE = {"planner_heartbeat", "target_number"}  # targets that no client of an interface says
-WHERE = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
 
 
 class Table:

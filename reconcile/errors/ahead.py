@@ -36,17 +36,6 @@ def noise(core: Core, point: Point) -> float:
     )
 
 
-def confirmed(core: Core, point: Point) -> float:
-    """Nats of confirm, which nothing was fitted to."""
-    run = core.kalman.run(point.values, point.present, own=True)
-    if run is None:
-        return float("inf")
-    losses = [
-        core.fitter.loss(f.e[s], f.s[s]).sum() for f, s in zip(run, core.scored["confirm"], strict=True)
-    ]
-    return float(sum(losses))
-
-
 def ahead(core: Core, point: Point, which: str = "confirm") -> float:
     """Error ahead of a point above its noise; see Judge.ahead."""
     error, known = squares(core, point, which)

@@ -94,6 +94,11 @@ class Point:
         h = own[:, None] * self.information[np.ix_(moving, moving)] * own + np.eye(int(moving.sum()))
         return -kept - 0.5 * float(np.linalg.slogdet(h)[1])
 
+    @property
+    def limited(self) -> set[str]:
+        """Names of the parameters that lie at a limit."""
+        return {f.name for f, h in zip(self.free, self.held, strict=True) if h}
+
     def covariance(self) -> np.ndarray:
         """Of the coordinates; nothing for parameters at a limit."""
         moving = np.flatnonzero(~self.held)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,18 +42,18 @@ class Answer:
         """Sets that may be the answer as well."""
         return self.judged.alternatives
 
+    @cached_property
+    def errors(self) -> Mapping[str, float]:
+        """Standard errors of what was fitted; where other sets may be true as well, their values count too.
 
-def errors(answer: Answer) -> Mapping[str, float]:
-    """Standard errors of what was fitted, where another set may be true as well: its own values count too.
-
-    By its own fit alone, a set does not know how far off it is where something beside it is missing.
-    """
-    own, values = standard_errors(answer.point), answer.point.values
-    squares, weights = dict.fromkeys(own, 0.0), dict.fromkeys(own, 1e-9)
-    for key, p in answer.judged.posterior.items():
-        other = answer.beam.points[key]
-        for name, error in standard_errors(other).items():
-            if name in own:
-                weights[name] += p
-                squares[name] += p * (error**2 + (other.values[name] - values[name]) ** 2)
-    return {n: max(e, float(np.sqrt(squares[n] / weights[n]))) for n, e in own.items()}
+        By its own fit alone, a set does not know how far off it is where something beside it is missing.
+        """
+        own, values = standard_errors(self.point), self.point.values
+        squares, weights = dict.fromkeys(own, 0.0), dict.fromkeys(own, 1e-9)
+        for key, p in self.judged.posterior.items():
+            other = self.beam.points[key]
+            for name, error in standard_errors(other).items():
+                if name in own:
+                    weights[name] += p
+                    squares[name] += p * (error**2 + (other.values[name] - values[name]) ** 2)
+        return {n: max(e, float(np.sqrt(squares[n] / weights[n]))) for n, e in own.items()}

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, confirmed, noise
+from reconcile.errors.ahead import ahead, noise
 from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
+from reconcile.search.predicted import confirmed
 from reconcile.search.sets import BEHIND, Key
 from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
@@ -217,8 +218,7 @@ class Judge:
         parameters stand for each other no interval tells.
         """
         point, own = self.beam.points[key], {a.name(q.name): q for q in a.effect.parameters}
-        held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
-        if a.effect.shaft and a.name("share") in held:
+        if a.effect.shaft and a.name("share") in point.limited:
             return NO_SHAFT
         if self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
             return ""
@@ -300,7 +300,6 @@ def _limit(beam: Beam, key: Key) -> Key | None:
 
 def _nothing(point: Point, a: Attached) -> bool:
     names = {a.name(q.name) for q in a.effect.amplitudes}
-    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
     return bool(names) and all(
-        point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
+        point.values[n] == 0.0 or (n in point.limited and abs(point.values[n]) < 1e-12) for n in names
     )

@@ -108,12 +108,11 @@ def bounded_parameters(answer: Answer) -> str:
 def bounded_effects(answer: Answer) -> str:
     """A sentence on parameters of named effects that lie at limits of the catalogue; "" without."""
     point = answer.point
-    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
     found = [
         f"{q.name} of {a.effect.name} lies at its limit, {point.values[a.name(q.name)]:g}"
         for a in answer.present
         for q in a.effect.parameters
-        if a.name(q.name) in held and point.values[a.name(q.name)] != 0.0
+        if a.name(q.name) in point.limited and point.values[a.name(q.name)] != 0.0
     ]
     return f"{words.listed(found)}: it may stand for something else." if found else ""
 

@@ -12,7 +12,7 @@ from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, squares
 from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
-from reconcile.judging.answer import Answer, errors
+from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import NO_SHAFT
 from reconcile.search.core import Core
@@ -33,11 +33,11 @@ class Verdict:
 
 def moved_parameters(answer: Answer) -> dict[str, dict[str, Any]]:
     """Base parameters that the fit moved by more than their errors and by more than 1 %."""
-    error, point, found = errors(answer), answer.point, {}
+    point, found = answer.point, {}
     for v in answer.core.model.parameters:
-        if v.name not in error:
+        if v.name not in answer.errors:
             continue
-        new, se = point.values[v.name], error[v.name]
+        new, se = point.values[v.name], answer.errors[v.name]
         if abs(new - v.start) > MOVED * se and abs(new - v.start) > 0.01 * max(abs(v.start), 1e-12):
             interval = [new - 1.96 * se, new + 1.96 * se]
             found[v.name] = {"old": v.start, "new": new, "unit": v.unit, "ci95": interval}

@@ -9,7 +9,7 @@ from reconcile import tolerances
 from reconcile.equations.model import Attached
 from reconcile.errors import holdout, localise
 from reconcile.errors.ahead import horizon_s
-from reconcile.judging.answer import Answer, errors
+from reconcile.judging.answer import Answer
 from reconcile.judging.verdict import Verdict, moved_parameters
 from reconcile.recordings.data import Parts
 from reconcile.reporting.findings import STAGES, Findings, above, gather
@@ -64,11 +64,10 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
-    point, error = answer.point, errors(answer)
     parameters = {}
     for q in a.effect.parameters:
-        value = point.values[a.name(q.name)]
-        half = 1.96 * error[a.name(q.name)]
+        value = answer.point.values[a.name(q.name)]
+        half = 1.96 * answer.errors[a.name(q.name)]
         unit = answer.core.kalman.whole.unit(a, q.name)
         parameters[q.name] = {"value": value, "unit": unit, "ci95": q.interval(value, half)}
     sure = all(a.effect.name in {x.effect.name for x in k} for k in answer.alternatives)

@@ -28,10 +28,16 @@ class Predicted:
         return self.gain - float(self.blocks.sum())
 
 
+def confirmed(core: Core, point: Point) -> float:
+    """Nats of `confirm`, which nothing was fitted to."""
+    likelihood = _likelihood(core)
+    found = likelihood.innovations(point.values, point.present, own=True)
+    return float(likelihood.loss(*found).sum()) if found else float("inf")
+
+
 def predicted(core: Core, point: Point) -> Predicted:
     """Of a fitted point, to second order: a parameter that was hardly fitted may still give way there."""
-    likelihood = Likelihood(core.kalman, core.scored["confirm"])
-    likelihood.noise = core.fitter.noise
+    likelihood = _likelihood(core)
     found = likelihood.innovations(point.values, point.present, own=True)
     slopes = found and likelihood.columns(point.values, point.present, point.free, *found, own=True)
     if not found or not slopes:
@@ -44,3 +50,9 @@ def predicted(core: Core, point: Point) -> Predicted:
     gain = 0.5 * float(gradient[moving] @ np.linalg.solve(both, gradient[moving]))
     cost = 0.5 * float(np.linalg.slogdet(both)[1] - np.linalg.slogdet(known)[1])
     return Predicted(np.array([b.sum() for b in np.array_split(loss, CONFIRMING)]), gain - cost)
+
+
+def _likelihood(core: Core) -> Likelihood:
+    likelihood = Likelihood(core.kalman, core.scored["confirm"])
+    likelihood.noise = core.fitter.noise
+    return likelihood

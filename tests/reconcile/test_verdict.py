@@ -105,16 +105,16 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
         for v, e in ((26.0, {"k": 0.2, "a": 0.1}), (30.0, {"k": 0.3, "a": 0.05}), (99.0, {"b": 1.0}))
     )
     monkeypatch.setattr(answers, "standard_errors", lambda point: point.errors)
-    answer: Any = SimpleNamespace(
-        point=own,
-        beam=SimpleNamespace(points={1: own, 2: other, 3: without}),
-        judged=SimpleNamespace(posterior={1: 0.3, 2: 0.3, 3: 0.4}),
-    )
-    found = answers.errors(answer)
+    beam: Any = SimpleNamespace(core=None, points={1: own, 2: other, 3: without})
+
+    def errors(posterior: dict[int, float]):
+        judged: Any = SimpleNamespace(answer=1, posterior=posterior)
+        return answers.Answer(beam.core, beam, judged).errors
+
+    found = errors({1: 0.3, 2: 0.3, 3: 0.4})
     assert found["k"] == pytest.approx(np.sqrt((0.2**2 + 0.3**2 + 4.0**2) / 2))
     assert found["a"] == 0.1  # at least what its own fit says
-    answer.judged.posterior = {1: 1.0}
-    assert answers.errors(answer) == pytest.approx(own.errors)
+    assert errors({1: 1.0}) == pytest.approx(own.errors)
 
 
 def test_what_was_turned_down_is_said_where_nothing_is_named():
@@ -140,16 +140,12 @@ def test_a_parameter_of_an_effect_at_its_limit_is_said(rig):
         for a in candidates(rig, [*rig.ports.controls, *rig.ports.outputs])
         if a.key == "structural_compliance@v"
     )
-    free = tuple(Free(shaft.name(n), 1.0, 1.0, True) for n in ("k", "c", "share"))
-    point = SimpleNamespace(
-        free=free,
-        held=[False, False, True],
-        values={f.name: v for f, v in zip(free, (3.0, 0.1, 0.98), strict=True)},
-    )
+    values = {shaft.name(n): v for n, v in (("k", 3.0), ("c", 0.1), ("share", 0.98))}
+    point = SimpleNamespace(limited={shaft.name("share")}, values=values)
     answer: Any = SimpleNamespace(point=point, present=(shaft,))
     said = "share of structural_compliance lies at its limit, 0.98: it may stand for something else."
     assert mistaken.bounded_effects(answer) == said
-    point.held = [False, False, False]
+    point.limited = set()
     assert mistaken.bounded_effects(answer) == ""
 
 
@@ -161,7 +157,7 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
 ):
     friction = next(a for a in candidates(rig, [*rig.ports.outputs]) if a.key == "coulomb_friction@v")
     name, key = friction.name("Fc"), frozenset({friction})
-    point = SimpleNamespace(values={name: value}, free=(), held=())
+    point = SimpleNamespace(values={name: value}, limited=set())
     monkeypatch.setattr(judges, "standard_errors", lambda point: {name: 1.0})
     beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
     beam.loss = {key: 0.0, frozenset(): gained}.__getitem__
@@ -171,8 +167,8 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
 @pytest.mark.parametrize("held", [True, False])
 def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
     shaft = next(a for a in candidates(rig, [*rig.ports.controls, *rig.ports.outputs]) if a.effect.shaft)
-    free, key = (Free(shaft.name("share"), 1.0, 1.0, True),), frozenset({shaft})
-    point = SimpleNamespace(values={shaft.name("share"): 0.98}, free=free, held=(held,))
+    name, key = shaft.name("share"), frozenset({shaft})
+    point = SimpleNamespace(values={name: 0.98}, limited={name} if held else set())
     beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
     beam.loss = {key: 0.0, frozenset(): 500.0}.__getitem__
     assert judges.Judge(beam)._unfit(key, shaft) == (judges.NO_SHAFT if held else "")
