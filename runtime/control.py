@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from runtime.bundle import PARAMETERS, Bundle, parameters_of
-from runtime.image import INPUT, OUTPUT, token
+from runtime.image import INPUT, OUTPUT, Address, token
 from specs.errors import InputError
 
-INPUT_BYTES = INPUT.dtype.itemsize
 LOAD, NONE = "load_estimate", -1.0  # kg: not known
 AXES = ("u_slew", "u_boom", "u_stick")
 # Why the gate, or the guard, may change a command, by the bits of slr_explain.
@@ -52,7 +51,7 @@ class ControlCore:
         self._limit.argtypes, self._limit.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         self._state = np.zeros(library.slr_state_size() // 8, np.int64)
         self._outputs = OUTPUT.new()
-        self._inputs, self._at_inputs = OUTPUT.new(), 0  # the last inputs and where they lie
+        self._at = Address(INPUT)
         self._at_state, self._at_outputs = self._state.ctypes.data, self._outputs.ctypes.data
         self.reset()
 
@@ -149,14 +148,6 @@ class ControlCore:
         sent, found = np.array(commands, dtype=float), np.zeros(FORESEEN)
         self._foresee(self._at(inputs), self._at_state, sent.ctypes.data, found.ctypes.data)
         return found
-
-    def _at(self, inputs: np.ndarray) -> int:
-        """Address of an input image; ValueError for an array that is none, for C would read past its end."""
-        if inputs is not self._inputs:  # asking for it takes longer than a step
-            if inputs.nbytes != INPUT_BYTES:
-                raise ValueError(f"an array of {inputs.nbytes} bytes is no input image")
-            self._inputs, self._at_inputs = inputs, inputs.ctypes.data
-        return self._at_inputs
 
     def _check(self, library: ctypes.CDLL) -> None:
         path = self.bundle.folder / PARAMETERS

@@ -118,6 +118,26 @@ class Layout:
         return self.index[name]
 
 
+class Address:
+    """Where an image lies in memory, asked for once while it is the same: that takes longer than a step.
+
+    ValueError for an array that is no image of the layout, for C would read past its end.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout, self._at = layout, 0
+        self._image: np.ndarray | None = None
+
+    def __call__(self, image: np.ndarray) -> int:
+        """The address of `image`."""
+        if image is not self._image:
+            if image.nbytes != self._layout.dtype.itemsize:
+                side = self._layout.side.lower()
+                raise ValueError(f"an array of {image.nbytes} bytes is no {side} image")
+            self._image, self._at = image, image.ctypes.data
+        return self._at
+
+
 def _layout(side: Literal["Input", "Output"]) -> Layout:
     messages = definition().bus.messages
     ours = {n for n, m in messages.items() if (m.sender == NODE if side == "Output" else NODE in m.receivers)}

@@ -17,7 +17,7 @@ from runtime.can.batch import Batch, FrameSource
 from runtime.can.codec import received_by, sent_by
 from runtime.can.localbus import send_batch
 from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, SHOWN_TICKS, Reader, frame_source, rejoin
-from runtime.image import INPUT, NODE, OUTPUT, Flag
+from runtime.image import INPUT, NODE, OUTPUT, Address, Flag
 from specs.errors import InputError
 
 OTHER = int(Flag.OTHER_CONTROLLER)
@@ -71,8 +71,7 @@ class NativePort:
         self._state = np.zeros(library.slr_wire_size() // 8, np.int64)
         self._words, self._at = self._state.data, self._state.ctypes.data
         self._came, self._going = Batch(FRAMES_A_TICK), Batch(len(sent_by(NODE)))
-        self._inputs, self._at_inputs = INPUT.new(), 0  # images seen last and where they lie
-        self._outputs, self._at_outputs = INPUT.new(), 0
+        self._at_inputs, self._at_outputs = Address(INPUT), Address(OUTPUT)
         self.readers = [r for r in (joystick, engine, other) if r]
         self.alone = other is None  # whether nobody else may send what we send
         self._heard = self._another = self._flags = 0
@@ -83,17 +82,13 @@ class NativePort:
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
-        if inputs is not self._inputs:  # asking for it takes longer than all the rest
-            if inputs.nbytes != INPUT.dtype.itemsize:
-                raise ValueError(f"an array of {inputs.nbytes} bytes is no input image")
-            self._inputs, self._at_inputs = inputs, inputs.ctypes.data
-        now, gone = time.monotonic_ns(), False
+        at, now, gone = self._at_inputs(inputs), time.monotonic_ns(), False
         try:
             count = self._waiting()
         except (can.CanError, OSError):
             count, gone = 0, True
             rejoin(self._bus, tick)
-        self._receive(self._at, self._came.at, count, tick, now, self._at_inputs)
+        self._receive(self._at, self._came.at, count, tick, now, at)
         if gone:  # the interface is down or gone
             self._words[OFF], self._words[FLAGS] = 1, self._words[FLAGS] | int(Flag.BUS_OFF)
         if self._words[OURS] != self._heard:
@@ -103,11 +98,7 @@ class NativePort:
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Send the frames that are due; what the bus has no room for is dropped and counted."""
-        if outputs is not self._outputs:
-            if outputs.nbytes != OUTPUT.dtype.itemsize:
-                raise ValueError(f"an array of {outputs.nbytes} bytes is no output image")
-            self._outputs, self._at_outputs = outputs, outputs.ctypes.data
-        count = self._send(self._at, self._at_outputs, tick, self._going.at)
+        count = self._send(self._at, self._at_outputs(outputs), tick, self._going.at)
         self.unsent += send_batch(self._bus, self._going, count)
 
     def flags(self) -> int:

@@ -19,7 +19,7 @@ from runtime.can.native import Parts
 from runtime.can.port import FRAMES_A_TICK, SHOWN_TICKS, frame_source, rejoin
 from runtime.canopen import table
 from runtime.canopen.cells import NODES, read
-from runtime.image import INPUT, OUTPUT, Flag
+from runtime.image import INPUT, OUTPUT, Address, Flag
 from runtime.shared import Cell
 from specs.canopen import definition
 from specs.errors import InputError
@@ -58,16 +58,13 @@ class CanopenPort:
         self._came, self._going = Batch(FRAMES_A_TICK), Batch(SENT)
         self._accepted, self._spent = cells or (None, None)
         self._seen, self._told, self._tick = 0, b"", 0
-        self._inputs, self._at_inputs = INPUT.new(), 0
-        self._outputs, self._at_outputs = OUTPUT.new(), 0
+        self._at_inputs, self._at_outputs = Address(INPUT), Address(OUTPUT)
         self._heard = self._another = self._flags = 0
         self.unsent = 0  # frames that could not be sent
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
-        if inputs is not self._inputs:
-            self._inputs, self._at_inputs = inputs, inputs.ctypes.data
-        self._tick = tick
+        at, self._tick = self._at_inputs(inputs), tick
         self._look()
         count, gone = 0, False
         try:
@@ -75,7 +72,7 @@ class CanopenPort:
         except (can.CanError, OSError):
             gone = True
             rejoin(self._bus, tick)
-        self._receive(self._at, self._came.at, count, tick, self._clock(), self._at_inputs)
+        self._receive(self._at, self._came.at, count, tick, self._clock(), at)
         if gone:
             self._words[OFF], self._words[FLAGS] = 1, self._words[FLAGS] | int(Flag.BUS_OFF)
         if self._words[OURS] != self._heard:
@@ -112,9 +109,7 @@ class CanopenPort:
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Send SYNC and commands; what the bus has no room for is dropped and counted."""
-        if outputs is not self._outputs:
-            self._outputs, self._at_outputs = outputs, outputs.ctypes.data
-        count = self._send(self._at, self._at_outputs, tick, self._going.at)
+        count = self._send(self._at, self._at_outputs(outputs), tick, self._going.at)
         self.unsent += send_batch(self._bus, self._going, count)
 
     def flags(self) -> int:

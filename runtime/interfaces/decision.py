@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from runtime import scan_layout
-from runtime.image import INPUT, OUTPUT
+from runtime.image import INPUT, OUTPUT, Address
 from runtime.seats_layout import Page, Seats
 
 MODE = OUTPUT.index["control_mode"]
@@ -23,16 +23,8 @@ class Decision:
         self._call.argtypes = [*[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3]
         self._call.restype = None
         prepare()
-        self.at, self._inputs, self._at_inputs = ctypes.addressof(state), INPUT.new(), 0
+        self.at, self.place = ctypes.addressof(state), Address(INPUT)
 
     def __call__(self, inputs: np.ndarray, outputs: Any, now: int, others: bool) -> None:
         """Decide at `now` [ns]; `outputs` of the last tick; `others`: somebody else commands."""
         self._call(self.at, self.place(inputs), now, int(outputs["value"][MODE]), others)
-
-    def place(self, inputs: np.ndarray) -> int:
-        """Address of an input image."""
-        if inputs is not self._inputs:  # asking for it takes longer than all the rest
-            if inputs.nbytes != INPUT.dtype.itemsize:
-                raise ValueError(f"an array of {inputs.nbytes} bytes is no input image")
-            self._inputs, self._at_inputs = inputs, inputs.ctypes.data
-        return self._at_inputs
