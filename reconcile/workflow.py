@@ -21,7 +21,7 @@ from reconcile.judging import (
     mistaken,
     offsets,
     quantization,
-    untold,
+    unidentifiable,
     verdict as verdicts,
 )
 from reconcile.judging.answer import Answer
@@ -213,10 +213,10 @@ def _judged(beam: Beam, said: Report) -> Answer:
 def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     """What the recordings cannot tell, and what reading them mended."""
     core = answer.core
-    parameters = untold.unseen(core, answer.point)
-    found: dict[str, Any] = {"untold": untold.untold(core.folder, core.runs), "unseen": parameters}
+    parameters = unidentifiable.parameters(core, answer.point)
+    found: dict[str, Any] = {"untold": unidentifiable.effects(core.folder, core.runs), "unseen": parameters}
     if figures["verdict"] == "insufficient_excitation" and parameters:
-        found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
+        found["sentence"] = f"{figures['sentence']} {unidentifiable.sentence(parameters)}"
     elif groups := combined.combined(core):
         found["sentence"] = figures["sentence"] + combined.sentence(groups)
     alike = recorded_clocks.alike(answer.present, core.runs)

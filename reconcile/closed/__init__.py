@@ -9,7 +9,7 @@ starts    what initial states do that its inputs reach: no error
 fitted    a fit and what it is worth
 search    one effect after the other, accepted by the rules of evidence.py; rivals
 where     where it and the recordings disagree
-untold    what they cannot tell
+unidentifiable  what they cannot tell
 report    the figures in the form of the contract
 wrap      an SSP of the FMU with the effects at its ports
 """

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from reconcile import words
-from reconcile.closed import candidates, evidence, holdout, untold, where, wrap
+from reconcile.closed import candidates, evidence, holdout, unidentifiable, where, wrap
 from reconcile.closed.box import Box
 from reconcile.closed.fitted import ClosedFit, names, sample, standard_errors
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.search import ClosedAnswer, ClosedSearch
 from reconcile.equations.model import Attached
-from reconcile.judging import quantization, untold as open_untold
+from reconcile.judging import quantization, unidentifiable as open_unidentifiable
 from reconcile.recordings.data import Run, split
 from reconcile.reporting.findings import STAGES
 from reconcile.reporting.report import MOST_CONSIDERED, stretches
@@ -47,12 +47,12 @@ def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
     fitted = answer.fitted
     own = list(names(fitted))
     moved = _moved(problem, fitted)
-    unseen = untold.unseen(problem, answer.base)
+    unseen = unidentifiable.parameters(problem, answer.base)
     stages = holdout.stages(problem, answer)
     scored = holdout.scored(problem, stages)
     verdict, sentence, residual = _judge(answer, moved, _unmoved(problem))
     if verdict == "insufficient_excitation" and unseen:
-        sentence = f"{sentence} {open_untold.sentence(unseen)}"
+        sentence = f"{sentence} {open_unidentifiable.sentence(unseen)}"
     return {
         "verdict": verdict,
         "sentence": sentence,
@@ -61,7 +61,7 @@ def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
         "alternatives": [own, *(list(names(f)) for f in answer.alternatives)] if own else [],
         "reestimated": moved,
         "nuisances": {r.name: {"mended": list(r.notes)} for r in problem.runs if r.notes},
-        "untold": untold.untold(problem),
+        "untold": unidentifiable.effects(problem),
         "unseen": unseen,
         "fitted": sorted(f.name for f in problem.base),
         "where": where.rows(problem, answer.base),

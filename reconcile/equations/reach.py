@@ -18,7 +18,7 @@ class Reach:
         self.folder, self.outputs = folder, tuple(outputs)
         model = folder.model
         x, u = model.symbols[:2]
-        (hx, fx), (hu, fu) = ([felt(model, g, by) for g in (model.h, model.f)] for by in (x, u))
+        (hx, fx), (hu, fu) = ([dependence(model, g, by) for g in (model.h, model.f)] for by in (x, u))
         rows = {n: model.index("outputs", n) for n in outputs}
         self._states = {n: behind(fx, np.flatnonzero(hx[k])) for n, k in rows.items()}
         moved = {n: hu[k] | fu[sorted(self._states[n])].any(axis=0) for n, k in rows.items()}
@@ -48,7 +48,9 @@ class Reach:
 def states_behind(model: Model, rows: Sequence[int]) -> set[int]:
     """States that outputs `rows` depend on, at once or in time."""
     x = model.symbols[0]
-    return behind(felt(model, model.f, x), np.flatnonzero(felt(model, model.h, x)[list(rows)].any(axis=0)))
+    return behind(
+        dependence(model, model.f, x), np.flatnonzero(dependence(model, model.h, x)[list(rows)].any(axis=0))
+    )
 
 
 def behind(depends: np.ndarray, rows: Iterable[int]) -> set[int]:
@@ -59,6 +61,6 @@ def behind(depends: np.ndarray, rows: Iterable[int]) -> set[int]:
     return found
 
 
-def felt(model: Model, function: ca.Function, by: ca.SX) -> np.ndarray:
+def dependence(model: Model, function: ca.Function, by: ca.SX) -> np.ndarray:
     """[n, m] whether each result of a model's function depends on each of the symbols `by`."""
     return np.array(ca.DM(ca.jacobian_sparsity(function(*model.symbols), by), 1)) != 0

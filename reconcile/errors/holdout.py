@@ -65,7 +65,7 @@ def predict(core: Core, point: Point | None, which: Sequence[str] = ("holdout",)
         return None
     traces = []
     p = np.array([point.values[n] for n in core.kalman.whole.index])
-    late = {n: core.kalman.late.of_output(n, p) for n in core.outputs}
+    late = {n: core.kalman.delays.of_output(n, p) for n in core.outputs}
     at = {n: core.kalman.outputs.index(n) for n in core.outputs}
     nx = len(core.model.states)
     for record, f, numbers in zip(core.records, run, ids, strict=True):

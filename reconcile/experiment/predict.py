@@ -101,7 +101,7 @@ class Bench:
         core, kalman = self.core, self.core.kalman
         time = np.arange(0.0, chosen.duration_s - 1e-6 * core.period, core.period)
         p = np.array([point.values[n] for n in kalman.whole.index])
-        late = {n: kalman.late.of_output(n, p) for n in core.outputs}
+        late = {n: kalman.delays.of_output(n, p) for n in core.outputs}
         first = self.limits.start | dict(chosen.start)
         start = {
             n: Signal(np.array([d / (1.0 - drift)]), np.array([first[n]])) for n, (d, drift) in late.items()

@@ -13,7 +13,7 @@ from reconcile.experiment.choose import NEEDED, Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import Limit, limits_of
 from reconcile.experiment.predict import Bench
-from reconcile.judging import untold
+from reconcile.judging import unidentifiable
 from reconcile.judging.answer import Answer
 from reconcile.search.core import Core
 from reconcile.system.parts import Part
@@ -78,7 +78,11 @@ def _between(answer: Answer, bench: Bench, report) -> Proposal | None:
 def _for_parameters(answer: Answer, bench: Bench, report) -> Proposal | None:
     core, base = answer.core, answer.base
     free = {f.name: f for f in core.base_free}
-    wanted = [free[n] for row in untold.unseen(core, answer.point) if (n := str(row["parameter"])) in free]
+    wanted = [
+        free[n]
+        for row in unidentifiable.parameters(core, answer.point)
+        if (n := str(row["parameter"])) in free
+    ]
     wanted = wanted or list(free.values())
     if not wanted:
         return None

@@ -67,7 +67,7 @@ def between(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
     """For candidates that cannot be told apart."""
     needed = figures["needed_margin"]
     told = [p for p in figures["pairs"] if p["predicted_margin"] >= needed]
-    untold = [p for p in figures["pairs"] if p["predicted_margin"] < needed]
+    alike = [p for p in figures["pairs"] if p["predicted_margin"] < needed]
     parts = []
     if told:
         what = "; ".join(_pair(p) for p in told)
@@ -76,8 +76,8 @@ def between(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
             f"To tell {what}, {drive(folder, figures)}: a margin of "
             f"{least:.3g} is predicted, {needed:.3g} is needed.{_range(figures, limits)}"
         )
-    if untold:
-        what = "; ".join(_pair(p) for p in untold)
+    if alike:
+        what = "; ".join(_pair(p) for p in alike)
         would = f"; a sensor {figures['sensors'][0]} would" if figures["sensors"] else ""
         parts.append(f"No excitation within the limits tells {what}{would}.")
     return " ".join(parts)
@@ -87,12 +87,12 @@ def parameters(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
     """For parameters that the recordings do not show."""
     needed = figures["needed_margin"]
     told = [p["name"] for p in figures["parameters"] if p["predicted_margin"] >= needed]
-    untold = [p["name"] for p in figures["parameters"] if p["predicted_margin"] < needed]
+    hidden = [p["name"] for p in figures["parameters"] if p["predicted_margin"] < needed]
     parts = []
     if told:
         parts.append(f"To see {', '.join(told)}, {drive(folder, figures)}.{_range(figures, limits)}")
-    if untold:
-        parts.append(f"No excitation within the limits shows {', '.join(untold)} in these outputs.")
+    if hidden:
+        parts.append(f"No excitation within the limits shows {', '.join(hidden)} in these outputs.")
     return " ".join(parts)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from reconcile.equations.extended import Extended
 from reconcile.equations.model import Attached, Folder
-from reconcile.equations.reach import behind, felt
+from reconcile.equations.reach import behind, dependence
+from reconcile.filter.delays import Delays
 from reconcile.filter.equations import Stepped
-from reconcile.filter.late import Late
 from reconcile.filter.library import Library
 from reconcile.filter.record import KEPT, Record
 from reconcile.filter.smooth import smoothed
@@ -106,7 +106,7 @@ class Kalman:
         self.whole = Extended(folder, self.candidates)
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
         self.disturbed = self.places + [CORRELATED + n for n in self.correlated]
-        self.late = Late(self.whole, list(self.outputs))
+        self.delays = Delays(self.whole, list(self.outputs))
         self.substeps = 1
         self.extra_s = 0.0  # all outputs are late by so much, beside what the parameters say
         self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
@@ -279,12 +279,12 @@ class Kalman:
             return every
         axes = {n for a in self.folder.ports.axes for n in (a.position, a.velocity)} | set(self.pushed_states)
         pushed = [i for i in every if model.states[i].name in axes]
-        return sorted(behind(felt(model, model.f, model.symbols[0]).T, pushed))
+        return sorted(behind(dependence(model, model.f, model.symbols[0]).T, pushed))
 
     def _rows(self, k: int, p: np.ndarray) -> _Rows:
         """A recording for the delays among the parameters [NP]."""
-        late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
-        late_out = {n: self.late.of_output(n, p) for n in self.outputs}
+        late_in = {self.model.inputs[i].name: d for i, d in self.delays.of_inputs(p).items()}
+        late_out = {n: self.delays.of_output(n, p) for n in self.outputs}
         if self.extra_s:
             late_out = {n: (d + self.extra_s, drift) for n, (d, drift) in late_out.items()}
         key = (k, tuple(late_in.items()), tuple(late_out.items()))

@@ -26,10 +26,10 @@ def modes_of(model: Model, record: Record) -> np.ndarray:
 def _by_guards(model: Model, record: Record) -> np.ndarray:
     """From the guards, states as recorded where outputs show them, else as the model starts."""
     p = np.array([v.start for v in model.parameters])
-    late = {n: float(p[model.index("parameters", d)]) for n, d in model.delays.items()}
+    delays = {n: float(p[model.index("parameters", d)]) for n, d in model.delays.items()}
     u = np.zeros((len(record.time), len(model.inputs)))
     for i, v in enumerate(model.inputs):
-        u[:, i] = record.input(v.name, v.start, late.get(v.name, 0.0), record.edges)
+        u[:, i] = record.input(v.name, v.start, delays.get(v.name, 0.0), record.edges)
     x0 = np.asarray(model.x0(p)).ravel()
     m = np.array([mode.start for mode in model.modes])
     held, result = np.zeros(len(m)), np.zeros((len(u), len(m)))

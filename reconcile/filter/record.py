@@ -43,43 +43,43 @@ class Record:
         """Median length of a step."""
         return float(np.median(np.diff(self.time)))
 
-    def parts(self, late: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    def parts(self, delays: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         """When a step or a part of it begins [m] (s), and which step it is a part of [m].
 
-        A part ends where an input that holds its values changes, with the delays `late` (s).
+        A part ends where an input that holds its values changes, with `delays` (s).
         """
-        return self._kept(("parts", *late.items()), lambda: self._parts(late))
+        return self._kept(("parts", *delays.items()), lambda: self._parts(delays))
 
-    def input(self, name: str, default: float, late: float, edges: np.ndarray) -> np.ndarray:
-        """An input [m] over each part between `edges` [m + 1] (s), `late` (s)."""
+    def input(self, name: str, default: float, delay: float, edges: np.ndarray) -> np.ndarray:
+        """An input [m] over each part between `edges` [m + 1] (s), late by `delay` (s)."""
         signal = self.run.inputs.get(name)
         if signal is None:
             return np.full(len(edges) - 1, default)
         return self._kept(
-            (name, late, len(edges), float(edges.sum())), lambda: self._held(name).means(edges - late)
+            (name, delay, len(edges), float(edges.sum())), lambda: self._held(name).means(edges - delay)
         )
 
     def _held(self, name: str) -> Held:
         return self._kept(("held", name), lambda: Held(self.run.inputs[name]))
 
     def output(
-        self, name: str, late: tuple[float, float], after: bool = False
+        self, name: str, delay: tuple[float, float], after: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
         """Samples of an output [n] (NaN: none) and by how much they are earlier than their step (s).
 
-        `late`: its delay (s), and what that gains per second of the recording.  `after`: each at the step
+        `delay`: its delay (s), and what that gains per second of the recording.  `after`: each at the step
         that it comes after, and not at the nearest.
         """
         y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
-        sample, step, earlier = self._at(name, late, after)
+        sample, step, earlier = self._at(name, delay, after)
         if len(sample):
             y[step] = self.run.outputs[name].values[sample]
             early[step] = earlier
         return y, early
 
-    def moved(self, name: str, late: tuple[float, float], after: bool = False) -> np.ndarray:
+    def moved(self, name: str, delay: tuple[float, float], after: bool = False) -> np.ndarray:
         """For every step [n] the one at which a sample is that would be there without delay (-1: none)."""
-        (before, there, _), (sample, step, _) = (self._at(name, d, after) for d in ((0.0, 0.0), late))
+        (before, there, _), (sample, step, _) = (self._at(name, d, after) for d in ((0.0, 0.0), delay))
         last = max(before.max(initial=-1), sample.max(initial=-1))
         found, now = np.full(len(self.time), -1), np.full(last + 1, -1)
         now[sample] = step
@@ -94,8 +94,8 @@ class Record:
             self.made[key] = make()
         return self.made[key]
 
-    def _parts(self, late: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        changes = [times + late.get(name, 0.0) for name, times in self._changes.items()]
+    def _parts(self, delays: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        changes = [times + delays.get(name, 0.0) for name, times in self._changes.items()]
         every = np.unique(np.concatenate([*changes, np.empty(0)]))
         every = every[(every > self.time[0]) & (every < self.time[-1])]
         step = np.searchsorted(self.time, every, side="right") - 1
@@ -112,18 +112,18 @@ class Record:
         return {n: s.time[1:][np.diff(s.values) != 0.0] for n, s in self.run.inputs.items()}
 
     def _at(
-        self, name: str, late: tuple[float, float], after: bool
+        self, name: str, delay: tuple[float, float], after: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return self._kept(("at", name, late, after), lambda: self._placed(name, late, after))
+        return self._kept(("at", name, delay, after), lambda: self._placed(name, delay, after))
 
     def _placed(
-        self, name: str, late: tuple[float, float], after: bool
+        self, name: str, delay: tuple[float, float], after: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Samples of an output, the step of each, and by how much it is earlier (s), [j]; one a step."""
         signal = self.run.outputs.get(name)
         if signal is None:
             return np.empty(0, int), np.empty(0, int), np.empty(0)
-        fixed, drift = late
+        fixed, drift = delay
         true = signal.time - fixed - drift * (signal.time - self.run.began_s)
         if after:
             k = np.searchsorted(self.time - AT * self.steps, true, side="right") - 1

@@ -90,8 +90,8 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
     if left == "unexplained":
         return "unexplained", _unexplained(answer)
     known = core.known(point)
-    if known and not any(k < KNOWN for k in known.values()) and (untold := _alone(core, known)):
-        return "insufficient_excitation", f"Too little excitation: nothing tells {', '.join(untold)}."
+    if known and not any(k < KNOWN for k in known.values()) and (alone := _alone(core, known)):
+        return "insufficient_excitation", f"Too little excitation: nothing tells {', '.join(alone)}."
     if moved := moved_parameters(answer):
         return "reestimated", f"The model fits with other values of {', '.join(moved)}."
     within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"

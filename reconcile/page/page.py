@@ -53,7 +53,7 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
         sections.parameters(figures),
         sections.considered(figures),
         sections.steps(figures),
-        sections.untold(figures),
+        sections.unidentifiable(figures),
         sections.driven(figures),
         sections.next_experiment(figures),
         sections.measured(figures),

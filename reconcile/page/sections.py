@@ -222,7 +222,7 @@ def considered(figures: Figures) -> str:
     return f"<h2>What was considered</h2>{shell.table(head, rows)}"
 
 
-def untold(figures: Figures) -> str:
+def unidentifiable(figures: Figures) -> str:
     """Effects that could not be told, whatever they are, for lack of channels."""
     by_reason: dict[str, list[str]] = {}
     for line in figures.get("untold") or ():

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from reconcile.equations.model import Attached
-from reconcile.judging import inputs, untold
+from reconcile.judging import inputs, unidentifiable
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
 from reconcile.reporting.terminal import without_axis
@@ -52,10 +52,10 @@ def told(core: Core, runs: Sequence[Run]) -> dict[str, Any]:
         "sampling": _sampling(per),
         "noise": {n: {"level": f.level, "source": f.source} for n, f in core.floors.items()},
         "parameters": {n: {"known_to": share, "told": share < KNOWN} for n, share in known.items()},
-        "unseen": untold.unseen(core, core.base),
+        "unseen": unidentifiable.parameters(core, core.base),
         "effects": {a.key: _effect(screen, a) for a in core.candidates if a.effect.amplitudes},
         "not_foretold": [a.key for a in core.candidates if not a.effect.amplitudes],
-        "untold": untold.untold(core.folder, runs),
+        "untold": unidentifiable.effects(core.folder, runs),
         "notes": [*(f"{r.name}: {n}" for r in runs for n in r.notes), *units.notes(runs)],
         "seed": 0,
         "versions": {"slewright": VERSION},

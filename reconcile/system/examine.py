@@ -11,7 +11,7 @@ import numpy as np
 from reconcile.equations.model import Folder, read_folder
 from reconcile.judging.answer import Answer
 from reconcile.recordings.data import Run, Signal, runs_of
-from reconcile.system import felt
+from reconcile.system import neighbour_motion
 from reconcile.system.parts import Part, with_signals
 from reconcile.system.ways import followed
 from records.measurement import Channel, Measurement
@@ -99,7 +99,11 @@ def _given(part: Part, r: Recording) -> Measurement:
         return r.measured
     columns = _felt(part, r)
     made = {n: Channel(n, unit, columns["time"], v) for n, (unit, v) in part.derive(columns).items()}
-    own = {n: c for n, c in r.measured.channels.items() if n not in made or n not in felt.PAIRS.values()}
+    own = {
+        n: c
+        for n, c in r.measured.channels.items()
+        if n not in made or n not in neighbour_motion.PAIRS.values()
+    }
     kept = {n: c for n, c in made.items() if n not in own or n in part.feels}
     moved = {n: replace(own[n], time=own[n].time + late) for n, late in part.later.items() if n in own}
     return replace(r.measured, channels=own | kept | moved)
@@ -111,7 +115,7 @@ def _felt(part: Part, r: Recording) -> dict[str, np.ndarray]:
     if missing:
         where = r.measured.source or r.label
         raise InputError(f"{where} has no {', '.join(missing)}, which the {part.name} feels")
-    for q, v in felt.PAIRS.items():
+    for q, v in neighbour_motion.PAIRS.items():
         if q in part.feels and q not in r.motion:
             _smooth(r, q, v)
     time = r.motion[part.feels[0]].time
@@ -128,10 +132,10 @@ def _smooth(r: Recording, q: str, v: str) -> None:
     run = Run(r.label, float(angle.time[0]), float(angle.time[-1]), {}, signals)
     gyros = {
         rate: np.interp(angle.time, r.measured[n].time, r.measured[n].values)
-        for rate, n in felt.GYROS.items()
+        for rate, n in neighbour_motion.GYROS.items()
         if n in r.measured
     }
-    for n, values in felt.recorded(run, (q, v), gyros).items():
+    for n, values in neighbour_motion.recorded(run, (q, v), gyros).items():
         r.motion[n] = Channel(n, "", angle.time, values)
 
 
@@ -139,10 +143,12 @@ def _remember(r: Recording, found: Examined, runs: Sequence[Run]) -> None:
     """Keep the motion of a part that was fitted, for those that feel it."""
     pieces: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for run in runs:
-        motion = felt.of_part(found.answer.core, found.answer.point, run, tuple(felt.PAIRS))
+        motion = neighbour_motion.of_part(
+            found.answer.core, found.answer.point, run, tuple(neighbour_motion.PAIRS)
+        )
         if motion is None:
-            motion = felt.recorded(run, tuple(felt.PAIRS))
-        for q, v in felt.PAIRS.items():
+            motion = neighbour_motion.recorded(run, tuple(neighbour_motion.PAIRS))
+        for q, v in neighbour_motion.PAIRS.items():
             for n in (q, v) if q in motion else ():
                 pieces.setdefault(n, []).append((run.outputs[q].time, motion[n]))
     for n, parts in pieces.items():

@@ -1,9 +1,9 @@
 """The parts of a system, in the order in which they are looked at, and what their signals are made of.
 
 Every part keeps its own model (slew continuous, arm and tool in steps) and is fitted by itself; where it
-feels another part, it is given that part's motion (felt.py).  What one part lacks cannot turn up in another,
-and an effect carries the name of its part.  Here is written, once, how the sensors of a machine become the
-signals that the models speak of.
+feels another part, it is given that part's motion (neighbour_motion.py).  What one part lacks cannot turn up
+in another, and an effect carries the name of its part.  Here is written, once, how the sensors of a machine
+become the signals that the models speak of.
 """
 
 from collections.abc import Callable, Mapping, Sequence

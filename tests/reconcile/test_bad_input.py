@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from reconcile.equations.model import read_folder
+from reconcile.judging import unidentifiable
 from reconcile.judging.answer import Answer
 from reconcile.judging.judge import Judge
-from reconcile.judging.untold import untold
 from reconcile.recordings.data import read_run, runs_of, split
 from reconcile.reporting.target import check as check_target, staged
 from reconcile.search.beam import Beam
@@ -413,10 +413,13 @@ def test_a_held_out_recording_without_one_to_confirm_leaves_blocks_to_confirm(ri
 
 def test_missing_channels_are_named_with_the_effects_they_hide(rig):
     channels = {n: c for n, c in TABLE.channels.items() if n != "velocity"}
-    found = {r["effect"]: r["because"] for r in untold(rig, runs_of(Measurement(channels), rig, "a"))}
+    found = {
+        r["effect"]: r["because"]
+        for r in unidentifiable.effects(rig, runs_of(Measurement(channels), rig, "a"))
+    }
     assert found["sensor_scale"] == "output velocity is not recorded"
     assert "coulomb_friction" not in found
-    whole = {r["effect"]: r["because"] for r in untold(rig, runs_of(TABLE, rig, "a"))}
+    whole = {r["effect"]: r["because"] for r in unidentifiable.effects(rig, runs_of(TABLE, rig, "a"))}
     assert "sensor_scale" not in whole
     assert "no second signal" in whole["cross_axis_misalignment"]
     assert "turns by an angle" in whole["gravity_load"]
@@ -437,7 +440,7 @@ def test_what_only_an_input_that_moves_would_tell_is_left_out_and_said(rig, valu
     assert not keys & {f"{n}@all outputs" for n in ("sensor_delay", "clock_drift")}
     assert keys >= {"coulomb_friction@v", "stiffness@v", "sensor_delay@position", "sensor_scale@velocity"}
     assert "sensor_lag.together@all outputs" in keys  # it shows as an exponential
-    said = {r["effect"]: r["because"] for r in untold(rig, runs)}
+    said = {r["effect"]: r["because"] for r in unidentifiable.effects(rig, runs)}
     told_by = ("input_dead_zone", "input_delay", "clock_drift", "structural_compliance")
     assert {said[n] for n in told_by} == {"input force does not change"}
     assert "coulomb_friction" not in said

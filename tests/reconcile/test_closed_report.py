@@ -9,11 +9,10 @@ import pytest
 
 from fmus.paths import BUILD
 from fmus.toolchain.build import build_fmu
-from reconcile.closed import where
+from reconcile.closed import unidentifiable, where
 from reconcile.closed.box import Box, answer
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.report import examine
-from reconcile.closed.untold import untold
 from reconcile.recordings.data import runs_of, split
 from reconcile.workflow import reconcile
 from records.measurement import Channel, Measurement
@@ -228,7 +227,7 @@ def test_parameters_that_do_not_show_are_said_with_the_inputs_that_rest(tmp_path
 def test_effects_that_a_closed_fmu_cannot_carry_are_said(fmu):
     box = Box(fmu)
     problem = ClosedProblem(box, split(runs_of(record(Truth(), SHORT, 4), box, "a"), (), ()))
-    found = {r["effect"]: r["because"] for r in untold(problem)}
+    found = {r["effect"]: r["because"] for r in unidentifiable.effects(problem)}
     assert "only a disturbance input" in found["coulomb_friction"]
     assert found["payload_mass"] == found["internal_leakage"] == WITHIN
     assert found["input_crosstalk"] == "there is no second signal of the same unit"

@@ -8,7 +8,7 @@ import pytest
 
 from reconcile.equations.model import Folder, read_folder
 from reconcile.equations.ports import find_ports
-from reconcile.judging import untold
+from reconcile.judging import unidentifiable
 from reconcile.recordings.data import Run, runs_of, split
 from reconcile.search.core import Core
 from reconcile.search.sets import Sets
@@ -103,7 +103,7 @@ def test_a_swing_that_nobody_recorded_is_told_by_what_it_does_to_the_axis(reachi
 
 
 def test_a_model_that_does_not_say_what_hangs_from_it_is_told_so(rig, runs):
-    rows = {r["effect"]: r["because"] for r in untold.untold(rig, [without_swing(r) for r in runs])}
+    rows = {r["effect"]: r["because"] for r in unidentifiable.effects(rig, [without_swing(r) for r in runs])}
     assert "kind hung" in rows["tool_reaction"]
 
 

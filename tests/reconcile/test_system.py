@@ -17,7 +17,7 @@ from reconcile.recordings.data import Run, Signal, runs_of, split
 from reconcile.reporting.contract import check
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
-from reconcile.system import felt
+from reconcile.system import neighbour_motion
 from reconcile.system.examine import Recording, _given, merged
 from reconcile.system.parts import SYSTEMS, parts_of, with_signals
 from reconcile.workflow import _plain, _read
@@ -117,14 +117,14 @@ def test_what_is_felt_is_nearer_to_the_truth_than_the_recording() -> None:
         "q_slew": Signal(t, angle + 2e-4 * rng.standard_normal(len(t))),
         "qd_slew": Signal(t, rate + 1e-3 * rng.standard_normal(len(t))),
     }
-    found = felt.recorded(Run("run", 0.0, t[-1], {}, noisy), ("q_slew", "qd_slew"))
+    found = neighbour_motion.recorded(Run("run", 0.0, t[-1], {}, noisy), ("q_slew", "qd_slew"))
     assert np.std(found["q_slew"] - angle) < 0.6 * 2e-4
     assert np.std(found["qd_slew"] - rate) < 0.5 * 1e-3
 
 
 def test_what_is_felt_of_a_fitted_part_is_its_motion_without_its_sensors(rig, monkeypatch) -> None:
     """A carriage whose speed sensor is late: its neighbours feel the true speed."""
-    monkeypatch.setattr(felt, "PAIRS", {"position": "velocity"})
+    monkeypatch.setattr(neighbour_motion, "PAIRS", {"position": "velocity"})
     truth = Truth(velocity=delay(0.06))
     time = TRUE_PERIOD * np.arange(1000)
     command = 6.0 * np.sin(2.0 * time) + 3.0 * np.sin(5.3 * time)
@@ -134,7 +134,7 @@ def test_what_is_felt_of_a_fitted_part_is_its_motion_without_its_sensors(rig, mo
     beam.points[frozenset()] = core.base
     for scored in beam.scores(frozenset()):
         beam.attempt(frozenset(), scored)
-    found = felt.of_part(core, beam.points[beam.ranked()[0]], run, ("position", "velocity"))
+    found = neighbour_motion.of_part(core, beam.points[beam.ranked()[0]], run, ("position", "velocity"))
     assert found is not None
     each = round(TRUE_PERIOD / DT)
     names, noises = ("position", "velocity"), (2e-4, 2e-3)
@@ -153,7 +153,7 @@ def test_a_late_rate_is_moved_and_a_gyroscope_helps() -> None:
     seen = {"q_slew": Signal(t, angle + 2e-4 * rng.standard_normal(len(t))), "qd_slew": Signal(t, late)}
     run = Run("run", 0.0, t[-1], {}, seen)
     errors = [
-        np.std((felt.recorded(run, ("q_slew",), gyros)["qd_slew"] - rate)[15:-15])
+        np.std((neighbour_motion.recorded(run, ("q_slew",), gyros)["qd_slew"] - rate)[15:-15])
         for gyros in (None, {"qd_slew": gyro})
     ]
     assert errors[0] < 1.6e-3  # 0.2 s late it would be 0.12 off

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconcile.judging.untold import untold
+from reconcile.judging import unidentifiable
 from reconcile.reporting.terminal import recording_notes
 from slewright import __main__ as entry
 from tests.reconcile import models
@@ -34,7 +34,9 @@ def test_that_no_force_is_looked_for_is_said_in_one_sentence():
     body = models.cooling(driven=False)
     figures = {
         "nuisances": {},
-        "untold": untold(body, [models.run({}, {"temperature": (np.arange(2.0), np.zeros(2))})]),
+        "untold": unidentifiable.effects(
+            body, [models.run({}, {"temperature": (np.arange(2.0), np.zeros(2))})]
+        ),
     }
     said = recording_notes(figures)[-1]
     assert "no friction, spring or load is looked for" in said

@@ -8,7 +8,7 @@ from fmus.definition import Model
 from reconcile import words
 from reconcile.catalogue import ALL, Effect
 from reconcile.equations.model import LATE, Folder, candidates
-from reconcile.equations.reach import behind, felt, states_behind
+from reconcile.equations.reach import behind, dependence, states_behind
 from reconcile.filter.point import Point
 from reconcile.judging.combined import combined
 from reconcile.recordings.data import Run, still
@@ -33,7 +33,7 @@ NEEDS = {
 }
 
 
-def untold(folder: Folder, runs: Sequence[Run]) -> list[dict[str, str]]:
+def effects(folder: Folder, runs: Sequence[Run]) -> list[dict[str, str]]:
     """Effects that these recordings cannot tell, and because of what: [{"effect", "because"}]."""
     everywhere = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
     all_names = [*folder.ports.controls, *folder.ports.outputs]
@@ -97,7 +97,7 @@ def _hidden_axes(folder: Folder, recorded: set[str]) -> list[str]:
     return [a.name for a in folder.ports.axes if index.index(a.velocity) not in shown]
 
 
-def unseen(core: Core, point: Point) -> list[dict[str, object]]:
+def parameters(core: Core, point: Point) -> list[dict[str, object]]:
     """Base parameters that the recordings say nothing about, as fitted: [{"parameter", "because", "drive"}].
 
     `drive` names the inputs to drive for it; empty where no input would help.  A model that says which of its
@@ -155,7 +155,7 @@ def _movers(folder: Folder, symbols: set[str]) -> list[str]:
     if not rows or not model.inputs:
         return []
     x, u = model.symbols[:2]
-    rows, fu = behind(felt(model, model.f, x), rows), felt(model, model.f, u)
+    rows, fu = behind(dependence(model, model.f, x), rows), dependence(model, model.f, u)
     return [v.name for i, v in enumerate(model.inputs) if fu[sorted(rows), i].any()]
 
 

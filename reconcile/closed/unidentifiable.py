@@ -6,7 +6,7 @@ from reconcile.catalogue import ALL, Effect
 from reconcile.closed.candidates import BIAS, candidates
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.problem import ClosedProblem
-from reconcile.judging.untold import NEEDS
+from reconcile.judging.unidentifiable import NEEDS
 from reconcile.tolerances import KNOWN
 
 INSIDE = "the FMU is closed: it would have to change within"
@@ -18,7 +18,7 @@ SIZELESS = "it is 0 in the FMU, so nobody knows how large it may be"
 UNFELT = "it hardly shows in the recorded outputs"
 
 
-def untold(problem: ClosedProblem) -> list[dict[str, str]]:
+def effects(problem: ClosedProblem) -> list[dict[str, str]]:
     """Effects that these recordings cannot tell, and because of what: [{"effect", "because"}]."""
     box, recorded = problem.box, problem.recorded
     present = {a.effect.name for a in candidates(box, recorded, problem.free)}
@@ -44,7 +44,7 @@ def _unfit(effect: Effect) -> str:
     return next(iter(lacking), CLOCK if effect.clock else TURNED)
 
 
-def unseen(problem: ClosedProblem, fitted: ClosedFit) -> list[dict[str, object]]:
+def parameters(problem: ClosedProblem, fitted: ClosedFit) -> list[dict[str, object]]:
     """Parameters of the FMU that the recordings say nothing about: [{"parameter", "because", "drive"}].
 
     `drive` names the inputs that no recording moves; what else would help, a closed FMU does not say.

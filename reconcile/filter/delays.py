@@ -11,7 +11,7 @@ from reconcile.equations.model import Attached
 Delay = tuple[float, float]  # s, and what it gains per second of the recording
 
 
-class Late:
+class Delays:
     """Delays of an extended model's inputs and of `outputs`."""
 
     def __init__(self, extended: Extended, outputs: list[str]):
