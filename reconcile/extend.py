@@ -16,7 +16,7 @@ import casadi as ca
 
 from fmus.definition import Model, Sensor, Variable
 from fmus.toolchain.loader import load_model
-from reconcile.catalogue import ALL
+from reconcile.catalogue import ALL, freeform
 from reconcile.equations import sites
 from reconcile.equations.extended import Extended
 from reconcile.equations.model import Attached, read_folder
@@ -82,7 +82,7 @@ def _clocked(a: Attached) -> bool:
 
 
 def _effect(key: str):
-    known = {e.key: e for e in ALL}
+    known = {e.key: e for e in (*ALL, *freeform.FORMS)}
     if key not in known:
         raise InputError(f"no effect '{key}' in the catalogue; {nearest(key, known)}")
     return known[key]
@@ -104,6 +104,10 @@ def _variables(extended: Extended, a: Attached, values: Mapping[str, float]) -> 
         if a.effect.width == "time":  # what is followed faster than a step of the FMU is overshot
             width = max(width, extended.model.step)
         found.append(Variable(_identifier(a.name("width")), "", text, start=width))
+    if a.effect.over:
+        unit = extended.over_unit(a)
+        for n, text in (("middle", "Middle of the points of"), ("spacing", "Distance of the points of")):
+            found.append(Variable(_identifier(a.name(n)), unit, f"{text} {a.effect.name}", start=values[n]))
     return found
 
 

@@ -376,7 +376,7 @@ def _moved(given: Sequence[Sequence[Path]], folder: Folder, names: dict[str, str
 
 def _extended(figures: dict[str, Any]) -> bool:
     """Whether a report has anything to put into a model."""
-    return bool(figures["effects"] or figures["reestimated"])
+    return bool(figures["effects"] or figures["reestimated"] or figures.get("free_form"))
 
 
 def _build(folder: Path, out: Path) -> str:

@@ -25,8 +25,8 @@ class Scales:
     `u`: largest of the input; `v`, `q`, `f`: of speed, position and force at a force port (f: inertia times
     acceleration); `drive`: of the force of inputs there; `y`: of the output; `p`, `d`: of pressure difference
     and demand at a hydraulic port; `period_s`: sample period; `memory_s`: time over which the outputs forget
-    where they were; `step`: of an output's numbers, 0 if they have none.  All > 0, but `drive` and `step` may
-    be 0.
+    where they were; `duration_s`: of the longest recording; `step`: of an output's numbers, 0 if they have
+    none.  All > 0, but `drive` and `step` may be 0.
     """
 
     u: float = 1.0
@@ -39,6 +39,7 @@ class Scales:
     inertia: float = 1.0
     period_s: float = 0.02
     memory_s: float = 0.3
+    duration_s: float = 1.0
     q_low: float = -1.0
     q_high: float = 1.0
     angular: bool = False  # the port turns: q in rad
@@ -111,7 +112,8 @@ class Effect:
     `beside`: hidden states that have to be as exact as the axis's own position or velocity.
     `within`: hidden states that lie within a share of a parameter of where they rest (standard deviation).
     `port`: the kind of port, where it is not what the place says (an input, an output, an axis); `needs` are
-    then roles of it.  `clocked`: it uses the time `c.t`.
+    then roles of it.  `clocked`: it uses the time `c.t`.  `over`: it is a curve over that (freeform.py),
+    through points around `c.middle`, `c.spacing` apart.
 
     A build finds in `c` what is at the port, the smoothing `width`, and `step` (s; None: continuous).
     """
@@ -137,6 +139,7 @@ class Effect:
     port: Literal["", "hydraulic", "pendulum", "hung", "inputs", "outputs", "offset", "turned"] = ""
     clocked: bool = False
     dry: bool = False  # friction that holds what stands
+    over: Literal["", "u", "v", "q", "t"] = ""
 
     @property
     def key(self) -> str:

@@ -28,7 +28,7 @@ def speed(*shares: float) -> Starts:
     return lambda s: [a * s.v for a in shares]
 
 
-def _dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
+def dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
     """Dry friction of a level each way: a force with a steep flank at standstill, or in steps exactly."""
     if c.step is not None or c.stops:
         return Result(0.0, dry=(forwards, backwards))
@@ -37,11 +37,11 @@ def _dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
 
 
 def _coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return _dry(c, p.Fc, p.Fc)
+    return dry(c, p.Fc, p.Fc)
 
 
 def _asymmetric_coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return _dry(c, p.Fc_positive, p.Fc_negative)
+    return dry(c, p.Fc_positive, p.Fc_negative)
 
 
 def _stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -51,7 +51,7 @@ def _stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
     def level(v: Any) -> Any:
         return p.Fc + more * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))
 
-    return _dry(c, level(c.v), level(-c.v))
+    return dry(c, level(c.v), level(-c.v))
 
 
 def _viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -65,12 +65,12 @@ def _asymmetric_viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 def _load_dependent(c: Namespace, p: Namespace, w: Namespace) -> Result:
     level = p.mu * ca.fabs(c.drive)
-    return _dry(c, level, level)
+    return dry(c, level, level)
 
 
 def _load_dependent_sides(c: Namespace, p: Namespace, w: Namespace) -> Result:
     load = ca.fabs(c.drive)
-    return _dry(c, p.mu_positive * load, p.mu_negative * load)
+    return dry(c, p.mu_positive * load, p.mu_negative * load)
 
 
 def _load_dependent_stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -80,7 +80,7 @@ def _load_dependent_stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result
     def level(v: Any) -> Any:
         return (p.mu + more * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))) * ca.fabs(c.drive)
 
-    return _dry(c, level(c.v), level(-c.v))
+    return dry(c, level(c.v), level(-c.v))
 
 
 def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:

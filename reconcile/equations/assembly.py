@@ -92,10 +92,10 @@ class Assembly:
         raw = ca.SX(inputs)
         for name in self.e.folder.ports.controls:
             i = self.model.index("inputs", name)
-            value = inputs[i]
+            value, size, time = inputs[i], self._size(name), self.u[self.e.clock]
             for a in sorted(self._at("input", name), key=_rank):
                 other = raw[self.model.index("inputs", a.other)] if a.other else None
-                value = self._applied(a, value, u=value, other=other, size=self._size(name))
+                value = self._applied(a, value, u=value, other=other, size=size, t=time)
             inputs[i] = value
         sites.together(self, "inputs", inputs)
         return inputs
@@ -284,7 +284,8 @@ class Assembly:
         p = SimpleNamespace(**{q.name: self._parameter(a.name(q.name)) for q in a.effect.parameters})
         w = SimpleNamespace(**{h: self.x[self.e.state_names.index(a.name(h))] for h in a.effect.hidden})
         stepping = {"step": self.step, "stops": self.stops, "averaged": self.averaged, "slope": self.slope}
-        c = SimpleNamespace(**context, width=self._width(a, 1.0), **stepping)
+        points = {n: self._parameter(a.name(n)) for n in ("middle", "spacing") if a.effect.over}
+        c = SimpleNamespace(**context, width=self._width(a, 1.0), **points, **stepping)
         result = build(c, p, w)
         self.rates |= {a.name(k): r for k, r in result.rates.items()}
         self.next |= {a.name(k): r for k, r in result.next.items()}

@@ -82,11 +82,16 @@ class Extended:
         template = next(p.unit for p in attached.effect.parameters if p.name == parameter)
         return template.format(**_units(self.folder, attached))
 
+    def over_unit(self, attached: Attached) -> str:
+        """Unit of what a curve is over."""
+        return {**_units(self.folder, attached), "t": "s"}[attached.effect.over]
+
 
 def _own_names(a: Attached) -> list[str]:
     gate = [a.name("gate")] if a.effect.gated else []
     width = [a.name("width")] if a.effect.width else []
-    return [*gate, *width, *a.free]
+    points = [a.name("middle"), a.name("spacing")] if a.effect.over else []
+    return [*gate, *width, *points, *a.free]
 
 
 def _units(folder: Folder, a: Attached) -> dict[str, str]:

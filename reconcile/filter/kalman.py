@@ -255,6 +255,7 @@ class Kalman:
                 kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(
                     states
                 )
+        kept = {a for a in kept if not a.effect.over or a in present}  # what is a curve is never looked for
         key = frozenset(kept)
         if key not in self._parts:
             attached = [a for a in self.candidates if a in kept or a.effect.delays]

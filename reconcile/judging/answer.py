@@ -38,6 +38,16 @@ class Answer:
         return tuple(self.point.present)
 
     @property
+    def named(self) -> tuple[Attached, ...]:
+        """Those of them that the catalogue has."""
+        return tuple(a for a in self.present if not a.effect.over)
+
+    @property
+    def curves(self) -> tuple[Attached, ...]:
+        """The others: curves, for what has no form of the catalogue."""
+        return tuple(a for a in self.present if a.effect.over)
+
+    @property
     def alternatives(self) -> tuple[Key, ...]:
         """Sets that may be the answer as well."""
         return self.judged.alternatives

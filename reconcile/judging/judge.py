@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from reconcile.catalogue import ALL
+from reconcile.catalogue import ALL, freeform
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, noise
@@ -118,8 +118,12 @@ class Judge:
         if doubted:
             declared += self._rivals(answer, weights)
         declared += [k for k in self._alike(answer) if k not in declared][: MOST_DECLARED - len(declared)]
-        if doubted and (nothing := weights.by_names.get((), 0.0)) > 1.0 - SURE:
-            text = f"nothing at all is as probable as {nothing:.2f}"
+        declared = [k for k in declared if k == answer or not (_curved(k) or _curved(answer))]
+        nothing = weights.by_names.get((), 0.0)
+        other = 0.0 if _curved(answer) else sum(p for k, p in weights.posterior.items() if _curved(k))
+        if doubted and max(nothing, other) > 1.0 - SURE:
+            what = "nothing at all" if nothing > other else "a curve that no effect has"
+            text = f"{what} is as probable as {max(nothing, other):.2f}"
             refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
             answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
@@ -249,8 +253,9 @@ class Judge:
 
 
 def _shown(probability: Mapping[str, float], most: float) -> dict[str, float]:
-    """Probabilities worth showing, the largest first, none above `most`."""
+    """Probabilities of effects or kinds worth showing, the largest first, none above `most`."""
     ranked = sorted(probability.items(), key=lambda row: -row[1])
+    ranked = [row for row in ranked if row[0] not in freeform.SAID]
     return {n: min(float(p), most) for n, p in ranked if p > LEAST_SHOWN}
 
 
@@ -283,6 +288,11 @@ def _simplest(beam: Beam) -> dict[Key, float]:
             kept = limit
         found[kept] = found.get(kept, 0.0) + p
     return found
+
+
+def _curved(key: Key) -> bool:
+    """Whether a set has a curve, for what has no form of the catalogue."""
+    return any(a.effect.over for a in key)
 
 
 def _limit(beam: Beam, key: Key) -> Key | None:

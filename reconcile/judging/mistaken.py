@@ -110,7 +110,7 @@ def bounded_effects(answer: Answer) -> str:
     point = answer.point
     found = [
         f"{q.name} of {a.effect.name} lies at its limit, {point.values[a.name(q.name)]:g}"
-        for a in answer.present
+        for a in answer.named
         for q in a.effect.parameters
         if a.name(q.name) in point.limited and point.values[a.name(q.name)] != 0.0
     ]

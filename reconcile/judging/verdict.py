@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from reconcile import words
+from reconcile.catalogue import freeform
 from reconcile.catalogue.kinds import kind as kind_of
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, squares
@@ -16,6 +17,7 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import NO_SHAFT
 from reconcile.search.core import Core
+from reconcile.search.sets import weighed
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
 MOST_TURNED_DOWN = 2  # effects in a sentence
@@ -75,11 +77,39 @@ def judge(answer: Answer) -> Verdict:
     if not answer.present:
         name, text = _unnamed(answer, beyond, left)
         return Verdict(name, text + _turned_down(answer), left)
+    if answer.curves:
+        return _curved(answer)
     if answer.alternatives:
         sets = (answer.present, *answer.alternatives)
         return Verdict("ambiguous", words.either(map(_pairs, sets)), left)
     rest = "" if left == "at_floor" else "; something unexplained remains"
     return Verdict("named", f"The model lacks {words.together(_pairs(answer.present))}{rest}.", left)
+
+
+def _curved(answer: Answer) -> Verdict:
+    """Where something is missing that has no form of the catalogue."""
+    curve = words.listed([freeform.SAID[a.effect.name].format(port=a.port) for a in answer.curves])
+    if answer.named:
+        lacks = words.together(_pairs(answer.named))
+        return Verdict(
+            "named", f"The model lacks {lacks}, and {curve}: no effect has its form.", "unexplained"
+        )
+    text = f"What is missing has the form of no effect: it is {curve}.{_nearest(answer)}"
+    return Verdict("unexplained", text, "unexplained")
+
+
+def _nearest(answer: Answer) -> str:
+    """The likeliest set of effects, where what is missing has the form of none."""
+    beam = answer.beam
+    points = beam.own or beam.points
+    sets = [k for k in points if k and not any(a.effect.over for a in k)]
+    if not sets:
+        return ""
+    best = max(sets, key=lambda k: weighed(points[k].evidence, k))
+    less = weighed(points[answer.judged.answer].evidence, answer.judged.answer) - weighed(
+        points[best].evidence, best
+    )
+    return f" The nearest effects, {words.together(_pairs(best))}, are {less:.0f} nats less likely."
 
 
 def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:

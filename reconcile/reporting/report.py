@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from reconcile import tolerances
+from reconcile.catalogue import freeform
 from reconcile.equations.model import Attached
 from reconcile.errors import holdout, localise
 from reconcile.errors.ahead import horizon_s
@@ -33,16 +34,17 @@ def build(answer: Answer, verdict: Verdict) -> dict[str, Any]:
 def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
     """The report of what was found."""
     core, answer, judged = found.core, found.answer, found.answer.judged
-    own = sorted(a.effect.name for a in answer.present)
+    own = sorted(a.effect.name for a in answer.named)
     sets = [own, *(sorted(a.effect.name for a in k) for k in answer.alternatives)]
     scored = _scores(found)
-    effects = [_effect(answer, a) for a in answer.present]
+    effects = [_effect(answer, a) for a in answer.named]
     gaps = _gaps(found)
     return {
         "verdict": verdict.name,
         "sentence": verdict.sentence + _held_out(verdict, gaps),
         "effects": effects,
         "residual_status": verdict.residual,
+        "free_form": [_curve(answer, a, gaps) for a in answer.curves],
         "alternatives": [list(s) for s in dict.fromkeys(map(tuple, sets))] if effects else [],
         "probability": dict(judged.probability),
         "kinds": dict(judged.kinds),
@@ -84,6 +86,36 @@ def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
         "gain_fit": gain_fit,
         "gain_confirm": gain_confirm,
         "source": a.effect.source,
+    }
+
+
+def _curve(answer: Answer, a: Attached, gaps: dict[str, Any]) -> dict[str, Any]:
+    """A curve that was found: its points with their 95 % intervals, and the share of the gap that it closes.
+
+    The gap is the re-estimated model's on the held-out part, closed by all of the answer (median of signals).
+    """
+    values, first = answer.point.values, a.effect.parameters[0]
+    middle, spacing = values[a.name("middle")], values[a.name("spacing")]
+    rows = []
+    for i, q in enumerate(a.effect.parameters):
+        at, value, error = (
+            middle + (i - freeform.HALF) * spacing,
+            values[a.name(q.name)],
+            answer.errors[a.name(q.name)],
+        )
+        rows.append({"at": at, "value": value, "ci95": q.interval(value, 1.96 * error)})
+    closed = [1.0 - g["after"] / g["reestimated"] for g in gaps.values() if g["reestimated"]]
+    return {
+        "name": a.effect.name,
+        "place": a.effect.place,
+        "port": a.port,
+        "terms": [freeform.SAID[a.effect.name].format(port=a.port)],
+        "equation": a.effect.equation,
+        "over": a.effect.over,
+        "unit": answer.core.kalman.whole.unit(a, first.name),
+        "over_unit": answer.core.kalman.whole.over_unit(a),
+        "points": rows,
+        "gap_closed": float(np.median(closed)) if closed else 0.0,
     }
 
 

@@ -32,6 +32,8 @@ def _entries(answer: Answer) -> list[Entry]:
         values = {q.name: float(fitted[a.name(q.name)]) for q in a.effect.parameters}
         if a.effect.width:
             values["width"] = float(fitted[a.name("width")])
+        if a.effect.over:
+            values |= {n: float(fitted[a.name(n)]) for n in ("middle", "spacing")}
         if a.effect.dry:
             values["width"] = max(values["width"], float(fitted[CREEP + a.port]))
         found.append((a.effect.key, a.port, a.other, values))

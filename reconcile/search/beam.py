@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from reconcile.equations.model import Attached
+from reconcile.errors.ahead import ahead, noise
 from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Point
 from reconcile.search import quiet
@@ -53,6 +54,25 @@ class Beam(Sets):
             self.report("sets of 1, with a quiet disturbance")
             self._grow(self._quietly(), 1)
             self._mend()
+
+    def _curves(self) -> None:
+        """The best set with a curve in place of the effects where it acts, and the curve alone.
+
+        What has no form of the catalogue is imitated by several of its effects.
+        """
+        best = self.ranked()[0]
+        self.report("curves")
+        if not best and ahead(self.core, self.core.base) < noise(self.core, self.core.base):
+            return
+        for a in self.core.curves:
+            present, least = self.points[best].present, self.evidence(best) - BEHIND
+            left = tuple(b for b in present if (b.port, b.effect.place) != (a.port, a.effect.place))
+            for others in dict.fromkeys([left, ()]):
+                key = frozenset({*others, a})
+                start = self.core.values | self.of(best, others)
+                self.fit(key, (*others, a), [start], fresh=effects(start, (*others, a)))
+                if key not in self.points or self.evidence(key) < least:
+                    break
 
     def foremost(self) -> list[Point]:
         """The best sets of effects, for a search with another noise."""
@@ -142,6 +162,7 @@ class Beam(Sets):
 
     def settle(self) -> list[Key]:
         """Fit the best sets to the end: one that has not settled looks worse."""
+        self._curves()
         self.report("settling")
         done: set[Key] = set()
         self.limit = max(self.limit, self.core.kalman.done) + TO_SETTLE * MOST_STEPS

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from fmus.definition import Model
-from reconcile.catalogue import ALL, Effect, Scales
+from reconcile.catalogue import ALL, Effect, Scales, freeform
 from reconcile.catalogue.offset import NAME as OFFSET
 from reconcile.equations import motion, sites
 from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
@@ -74,11 +74,14 @@ class Core:
         if not self.outputs:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
         constant = still(runs, [v.name for v in self.model.inputs])
-        self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
+        found = candidates(folder, sorted(recorded), (*catalogue, *freeform.FORMS), constant=constant)
+        self.candidates = [a for a in found if not a.effect.over]
+        self.curves = [a for a in found if a.effect.over]
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
+        self.duration_s = max(r.end_s - r.start_s for r in runs)
         lasting = self.outputs if correlated else ()
-        self.kalman = Kalman(folder, self.candidates, self.records, self.outputs, lasting)
+        self.kalman = Kalman(folder, found, self.records, self.outputs, lasting)
         self.scored = {
             w: [getattr(r, w) & (np.arange(len(r.time)) >= self._begun(r)) for r in self.records]
             for w in blocks
@@ -305,7 +308,8 @@ class Core:
             values = np.concatenate(
                 [r.inputs[name].values for r in self.runs if name in r.inputs] or [np.ones(1)]
             )
-            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
+            size = float(np.max(np.abs(values))) or 1.0
+            found[name] = Scales(u=size, period_s=period, memory_s=memory, duration_s=self.duration_s)
         for name in self.outputs:
             values = np.concatenate([r.outputs[name].values for r in self.runs])
             size = float(np.max(np.abs(values))) or 1.0
@@ -352,7 +356,7 @@ class Core:
     def _absent(self) -> Values:
         """All effects absent: amplitudes and gates at nothing, shapes at their first start."""
         values: Values = {}
-        for a in self.candidates:
+        for a in (*self.candidates, *self.curves):
             s = self.scales.get(a.port, Scales(period_s=self.period, memory_s=self.memory_s))
             values |= {a.name(n): v for n, v in a.effect.start(s, 0).items()}
             values |= {a.name(q.name): 0.0 for q in a.effect.amplitudes}
@@ -360,6 +364,8 @@ class Core:
                 values[a.name("gate")] = 0.0
             if a.effect.width:
                 values[a.name("width")] = _width(a, s)
+            if a.effect.over:
+                values[a.name("middle")], values[a.name("spacing")] = freeform.grid(a.effect, s)
         for axis in self.folder.ports.axes:
             values[CREEP + axis.name] = CREEPS[1] * self._speed(axis.name)
         return values
@@ -411,8 +417,7 @@ class Core:
 
     @cached_property
     def _free(self) -> FreeParameters:
-        duration = max(r.end_s - r.start_s for r in self.runs)
-        return FreeParameters(self.folder, duration, self.memory_s)
+        return FreeParameters(self.folder, self.duration_s, self.memory_s)
 
 
 def unique(runs: Sequence[Run]) -> list[Run]:
