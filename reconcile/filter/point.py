@@ -1,6 +1,6 @@
 """What is fitted: parameters in unit-free coordinates, and fitted points."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,6 +132,14 @@ def standard_errors(point: Point) -> Mapping[str, float]:
     return {
         f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
     }
+
+
+def own_covariance(point: Point, names: Sequence[str]) -> np.ndarray:
+    """Of some parameters [K, K], in their own units, with all others as they are."""
+    at = {f.name: i for i, f in enumerate(point.free)}
+    own = [at[n] for n in names]
+    size = np.array([point.free[i].slope(point.values[point.free[i].name]) for i in own])
+    return np.linalg.inv(point.information[np.ix_(own, own)] + np.eye(len(own))) * np.outer(size, size)
 
 
 @dataclass(frozen=True)

@@ -39,11 +39,13 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
     pairs = [(plots.gathered(i, g), plots.accounts(i, g)) for i, g in enumerate(shown.gathered)]
     forces = [f for i, m in enumerate(shown.missing) for f in plots.missing(i, m)]
     sure = _sure(figures)
+    curves = [plots.curve(i, row) for i, row in enumerate(figures.get("free_form") or ())]
     body = [
         f"<style>{_style()}</style>",
         _head(figures, title),
         _forces(forces),
         sections.named(figures),
+        _curves(curves),
         _grid(sure),
         sections.doubt(figures),
         _overlays(overlays),
@@ -58,7 +60,7 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
         sections.next_experiment(figures),
         sections.measured(figures),
     ]
-    drawn = [*forces, *overlays, *sure, gap, *(f for pair in pairs for f in pair)]
+    drawn = [*forces, *curves, *overlays, *sure, gap, *(f for pair in pairs for f in pair)]
     return shell.write_whole(path, shell.document(f"reconcile {title}", body, drawn))
 
 
@@ -126,6 +128,15 @@ def _forces(drawn: list[Figure]) -> str:
         f"<h2>The missing force</h2><p>{PUSH} Where a named effect pushes, that is the model "
         "with the answer's parameters but without its effects: red is what they do, “after” what is left. "
         f"Dry friction is a step where the speed is zero, a spring a slope over the place.</p>{_grid(drawn)}"
+    )
+
+
+def _curves(drawn: list[Figure]) -> str:
+    if not drawn:
+        return ""
+    return (
+        "<h2>What no effect has the form of</h2><p>No set of the catalogue's effects comes near it. So it is "
+        f"fitted as a curve through points, which is part of the extended model.</p>{_grid(drawn)}"
     )
 
 

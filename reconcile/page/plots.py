@@ -19,6 +19,7 @@ MOST_POINTS = 1500
 MOST_SIGNALS = 4  # of a stretch
 PANEL, GAP = 132, 22  # px
 BINS = 24
+OVER = {"u": "command", "v": "speed", "q": "position", "t": "time"}  # what a curve is over
 LEAST = 0.05  # of the floor: what is drawn for a gap of nothing
 
 
@@ -133,6 +134,27 @@ def missing(number: int, m: Missing) -> list[Figure]:
             Figure(f"missing-{number}-{k}", f"{_capital(m.name)} over {label}", "", data, layout, 320)
         )
     return figures
+
+
+def curve(number: int, row: Mapping[str, Any]) -> Figure:
+    """A curve that no effect of the catalogue has: its points with their 95 % intervals."""
+    points = row["points"]
+    bars = [p["ci95"][1] - p["value"] for p in points]
+    data = [{
+        "type": "scatter", "mode": "lines+markers", "name": "points, 95 %", "showlegend": False,
+        "x": [p["at"] for p in points], "y": [p["value"] for p in points],
+        "error_y": {"type": "data", "array": bars, "color": COLOURS["after"]},
+        "line": {"color": COLOURS["after"], "width": 2.0}, "marker": {"size": 6},
+    }]  # fmt: skip
+    layout = {
+        "xaxis": {"title": {"text": _title(OVER[row["over"]], row["over_unit"])}},
+        "yaxis": {"title": {"text": _title("curve", row["unit"])}},
+    }
+    caption = (
+        f"{row['equation']}. Intervals: 95 %, with all other parameters as fitted. "
+        "Where nothing was recorded, a point stays at 0."
+    )
+    return Figure(f"curve-{number}", _capital(row["terms"][0]), caption, data, layout, 360)
 
 
 def probabilities(rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, float]) -> Figure:

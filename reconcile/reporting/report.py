@@ -10,6 +10,7 @@ from reconcile.catalogue import freeform
 from reconcile.equations.model import Attached
 from reconcile.errors import holdout, localise
 from reconcile.errors.ahead import horizon_s
+from reconcile.filter.point import own_covariance
 from reconcile.judging.answer import Answer
 from reconcile.judging.verdict import Verdict, moved_parameters
 from reconcile.recordings.data import Parts
@@ -92,18 +93,14 @@ def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
 def _curve(answer: Answer, a: Attached, gaps: dict[str, Any]) -> dict[str, Any]:
     """A curve that was found: its points with their 95 % intervals, and the share of the gap that it closes.
 
-    The gap is the re-estimated model's on the held-out part, closed by all of the answer (median of signals).
+    The intervals are those with all other parameters as they were fitted: the straight part of a curve of a
+    command is no other than the model's gain.  The gap is the re-estimated model's on the held-out part,
+    closed by all of the answer (median of the signals).
     """
-    values, first = answer.point.values, a.effect.parameters[0]
-    middle, spacing = values[a.name("middle")], values[a.name("spacing")]
-    rows = []
-    for i, q in enumerate(a.effect.parameters):
-        at, value, error = (
-            middle + (i - freeform.HALF) * spacing,
-            values[a.name(q.name)],
-            answer.errors[a.name(q.name)],
-        )
-        rows.append({"at": at, "value": value, "ci95": q.interval(value, 1.96 * error)})
+    values = answer.point.values
+    at, by = freeform.points(values[a.name("middle")], values[a.name("spacing")])
+    curve = by @ [values[n] for n in a.free]
+    half = 1.96 * np.sqrt(np.diag(by @ own_covariance(answer.point, a.free) @ by.T))
     closed = [1.0 - g["after"] / g["reestimated"] for g in gaps.values() if g["reestimated"]]
     return {
         "name": a.effect.name,
@@ -112,9 +109,11 @@ def _curve(answer: Answer, a: Attached, gaps: dict[str, Any]) -> dict[str, Any]:
         "terms": [freeform.SAID[a.effect.name].format(port=a.port)],
         "equation": a.effect.equation,
         "over": a.effect.over,
-        "unit": answer.core.kalman.whole.unit(a, first.name),
+        "unit": answer.core.kalman.whole.unit(a, a.effect.parameters[0].name),
         "over_unit": answer.core.kalman.whole.over_unit(a),
-        "points": rows,
+        "points": [
+            {"at": x, "value": y, "ci95": [y - h, y + h]} for x, y, h in zip(at, curve, half, strict=True)
+        ],
         "gap_closed": float(np.median(closed)) if closed else 0.0,
     }
 

@@ -69,7 +69,9 @@ class Beam(Sets):
             left = tuple(b for b in present if (b.port, b.effect.place) != (a.port, a.effect.place))
             for others in dict.fromkeys([left, ()]):
                 key = frozenset({*others, a})
-                start = self.core.values | self.of(best, others)
+                first = a.effect.start(self.core.scales[a.port], 0)
+                begun = {a.name(n): v for n, v in first.items()}
+                start = self.core.values | self.of(best, others) | begun
                 self.fit(key, (*others, a), [start], fresh=effects(start, (*others, a)))
                 if key not in self.points or self.evidence(key) < least:
                     break
