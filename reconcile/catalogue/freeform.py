@@ -1,6 +1,6 @@
 """Free forms: curves through points, for what has no form of the catalogue.
 
-They cost what their points cost, so that an effect of the catalogue is likelier wherever its form fits.  What
+A curve costs what its points cost, so that an effect of the catalogue is likelier wherever its form fits.  What
 is fitted is the slope from each point to the next: what lies side by side is alike.
 """
 
