@@ -11,7 +11,7 @@ LACKS = ("is not recorded", "does not change")  # how a reason ends that another
 
 
 def tables(figures: dict[str, Any]) -> Iterator[tuple[str, Sequence[str], Sequence[Sequence[object]]]]:
-    """Title, columns and rows: the effects, and the gap of each signal."""
+    """Title, columns and rows: the effects, curves that none has the form of, and the gap of each signal."""
     rows = [
         (e["name"], e["port"], e["verdict"], name, f"{v['value']:.5g}", v["unit"], _interval(v["ci95"]))
         for e in figures["effects"]
@@ -19,6 +19,11 @@ def tables(figures: dict[str, Any]) -> Iterator[tuple[str, Sequence[str], Sequen
     ]
     if rows:
         yield "Effects", ["effect", "port", "verdict", "parameter", "value", "unit", "95 %"], rows
+    for curve in figures.get("free_form") or ():
+        head = [f"at [{curve['over_unit']}]", f"value [{curve['unit']}]", "95 %"]
+        points = [(f"{p['at']:.4g}", f"{p['value']:.4g}", _interval(p["ci95"])) for p in curve["points"]]
+        said = curve["terms"][0]
+        yield f"{said[0].upper()}{said[1:]}: {curve['equation']}", head, points
     gaps = [
         (name, g["unit"], *(_number(g[k]) for k in ("floor", "nominal", "reestimated", "after")), _closed(g))
         for name, g in figures["gap"].items()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from reconcile.judging import unidentifiable
-from reconcile.reporting.terminal import recording_notes
+from reconcile.reporting.terminal import recording_notes, tables
 from slewright import __main__ as entry
 from tests.reconcile import models
 
@@ -28,6 +28,23 @@ def test_what_was_left_out_of_a_recording_and_what_it_hides_is_said():
         "first: speed: left out, it has no sample",
         f"{missing}, so these cannot be told: sensor_bias, sensor_lag",
     ]
+
+
+def test_a_curve_is_printed_point_by_point():
+    curve = {
+        "terms": ["another curve of the command U"],
+        "equation": "u' = u + curve(u)",
+        "unit": "V",
+        "over_unit": "V",
+        "points": [
+            {"at": -1.0, "value": 0.25, "ci95": [0.2, 0.3]},
+            {"at": 1.0, "value": 0.0, "ci95": [-0.1, 0.1]},
+        ],
+    }
+    title, head, rows = next(iter(tables({"effects": [], "free_form": [curve], "gap": {}})))
+    assert title == "Another curve of the command U: u' = u + curve(u)"
+    assert head == ["at [V]", "value [V]", "95 %"]
+    assert rows == [("-1", "0.25", "0.2 .. 0.3"), ("1", "0", "-0.1 .. 0.1")]
 
 
 def test_that_no_force_is_looked_for_is_said_in_one_sentence():
