@@ -1,7 +1,7 @@
 """Free forms: curves through points, for what has no form of the catalogue.
 
-A curve costs what its points cost, so that an effect of the catalogue is likelier wherever its form fits.  What
-is fitted is the slope from each point to the next: what lies side by side is alike.
+A curve costs what its points cost, so that an effect of the catalogue is likelier wherever its form fits.
+What is fitted is the slope from each point to the next: what lies side by side is alike.
 """
 
 from collections.abc import Sequence

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reconcile.errors.ahead import horizon_s, windows
+from reconcile.errors.ahead import windows
 from reconcile.filter.point import Point
 from reconcile.recordings.data import Run
 from reconcile.search.core import Core
@@ -56,11 +56,8 @@ def predict(core: Core, point: Point | None, which: Sequence[str] = ("holdout",)
     """Every stretch of the parts named, from the parameters of a point; None where the model runs away."""
     if point is None:
         return None
-    ids = [
-        np.max(np.array(each), axis=0)
-        for each in zip(*(windows(core, w, horizon_s(core)) for w in which), strict=True)
-    ]
-    run = core.kalman.run(point.values, point.present, windows=ids, own=True)
+    each = windows(core, which)
+    run = core.kalman.run(point.values, point.present, windows=[ids for ids, _ in each], own=True)
     if run is None:
         return None
     traces = []
@@ -68,9 +65,9 @@ def predict(core: Core, point: Point | None, which: Sequence[str] = ("holdout",)
     late = {n: core.kalman.delays.of_output(n, p) for n in core.outputs}
     at = {n: core.kalman.outputs.index(n) for n in core.outputs}
     nx = len(core.model.states)
-    for record, f, numbers in zip(core.records, run, ids, strict=True):
-        for number in np.unique(numbers[numbers > 0]):
-            inside = np.flatnonzero(numbers == number)
+    for record, f, (numbers, counts) in zip(core.records, run, each, strict=True):
+        for number in np.unique(numbers[counts]):
+            inside = np.flatnonzero(counts & (numbers == number))
             time = record.time[inside]
             seen = {n: ~np.isnan(f.y[inside, k]) for n, k in at.items()}
             if len(inside) < 2:  # the same stretches whatever the parameters: stages are compared one by one

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from reconcile.equations.model import Attached
+from reconcile.errors.ahead import without_effects
 from reconcile.filter.point import Point, standard_errors
 from reconcile.judging.judge import Judged
 from reconcile.search.beam import Beam
@@ -22,15 +23,15 @@ class Answer:
     beam: Beam
     judged: Judged
 
-    @property
+    @cached_property
     def point(self) -> Point:
         """The accepted set, fitted."""
-        return self.beam.points[self.judged.answer]
+        return self.beam.points[self.judged.answer] if self.judged.answer else self.base
 
-    @property
+    @cached_property
     def base(self) -> Point:
         """The model without effects, fitted; where none is named, that is the answer."""
-        return self.core.base if self.present else self.point
+        return self.core.base if self.judged.answer else without_effects(self.core)
 
     @property
     def present(self) -> tuple[Attached, ...]:
@@ -59,6 +60,9 @@ class Answer:
         By its own fit alone, a set does not know how far off it is where something beside it is missing.
         """
         own, values = standard_errors(self.point), self.point.values
+        if self.point is self.core.slow:  # of the little noise that it was fitted with
+            beyond = float(np.sqrt(np.mean(self.point.e**2 / self.point.s)))
+            return {n: e * max(beyond, 1.0) for n, e in own.items()}
         squares, weights = dict.fromkeys(own, 0.0), dict.fromkeys(own, 1e-9)
         for key, p in self.judged.posterior.items():
             other = self.beam.points[key]

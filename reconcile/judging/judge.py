@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from reconcile.catalogue import ALL, freeform
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, noise
+from reconcile.errors.ahead import ahead, noise, without_effects
 from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
-from reconcile.search.sets import BEHIND, Key
+from reconcile.search.sets import BEHIND, LONG, Key
 from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
 MOST_DECLARED = 4
@@ -18,6 +18,7 @@ MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effec
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
 NO_SHAFT = "one of its ends has hardly any inertia"
+HARDLY = 5e-3  # of the error ahead: what changes it by less does not show there
 FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -93,8 +94,22 @@ class Judge:
     def ahead(self, key: Key) -> float:
         """Error of a set over many steps on confirm, above the noise, in spreads of the outputs (rms)."""
         if key not in self._ahead:
-            self._ahead[key] = ahead(self.core, self.beam.points[key])
+            self._ahead[key] = self._least(key)
         return self._ahead[key]
+
+    def _least(self, key: Key) -> float:
+        """Error of a set as it was fitted; or by slow motion, where the model without effects errs less so."""
+        plain = without_effects(self.core)
+        if not key:
+            return ahead(self.core, plain)
+        point = self.beam.points[key]
+        found = [point]
+        if plain is self.core.slow:
+            motion = [f for f in point.free if not f.of_noise]
+            start = point.values | self.core.little
+            slow = self.core.fitter.fit(start, point.present, motion, LONG, every=2, own=True)
+            found += [slow] if slow else []
+        return min(ahead(self.core, p) for p in found)
 
     def decide(self) -> Judged:
         """The answer.
@@ -187,7 +202,7 @@ class Judge:
             # two that can stand for each other both take nothing away: the likelier one stays
             worst = max(weak, key=lambda a: self.beam.joint(key - {a}))
             left, _ = shares[worst]
-            text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
+            text = _taken(left)
             refused.append(
                 {"effect": worst.effect.name, "port": worst.port, "because": unfit.get(worst, text)}
             )
@@ -250,6 +265,15 @@ class Judge:
         less = self.beam.points.get(key - {a})
         gained = less.loss - self.beam.points[key].loss if less else float("nan")
         return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _taken(share: float) -> str:
+    """What an effect does to the error ahead on confirm."""
+    if abs(share) < HARDLY:
+        return "it hardly shows in data that it was not fitted to"
+    if share < 0.0:
+        return f"it makes the error ahead {100 * -share:.1f} % larger, on data it was not fitted to"
+    return f"takes {100 * share:.1f} % of the error ahead away, on data it was not fitted to"
 
 
 def _shown(probability: Mapping[str, float], most: float) -> dict[str, float]:

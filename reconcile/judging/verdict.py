@@ -150,7 +150,7 @@ def _unexplained(answer: Answer) -> str:
     text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
     none = {kind_of(r["effect"]) for r in answer.judged.refused if r["because"] == NO_SHAFT}
     sure = next((k for k, p in answer.judged.kinds.items() if p >= SURE and k not in none), None)
-    sizes = answer.core.disturbances(answer.point.values)
+    sizes = answer.core.disturbances(answer.beam.points[frozenset()].values)
     worst = max(sizes, key=lambda p: sizes[p])
     size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"
     where = f"; what is missing acts at '{worst}', with {size} the forces there"
