@@ -98,7 +98,7 @@ class Judge:
         return self._ahead[key]
 
     def _least(self, key: Key) -> float:
-        """Error of a set as it was fitted; or by slow motion, where the model without effects errs less so."""
+        """Error of a set as fitted; or by slow motion, where the model without effects errs less by it."""
         plain = without_effects(self.core)
         if not key:
             return ahead(self.core, plain)
