@@ -25,8 +25,11 @@ def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarr
     for record in core.records:
         inside = np.any([getattr(record, w) for w in which], axis=0)
         ids, free = np.zeros(len(record.time), int), 1  # the first sample that no stretch has; 0 is the start
+        known = int(
+            np.searchsorted(record.time, record.time[0] + horizon)
+        )  # by then states are, hidden ones too
         for first, end in _blocks(inside):
-            before = int(np.searchsorted(record.time, record.time[end - 1] - horizon))
+            before = max(known, int(np.searchsorted(record.time, record.time[end - 1] - horizon)))
             at = max(min(first, before), free)
             while at < end:
                 until = min(int(np.searchsorted(record.time, record.time[at] + horizon)), end)
@@ -53,8 +56,13 @@ def noise(core: Core, point: Point) -> float:
 
 def ahead(core: Core, point: Point, which: str = "confirm") -> float:
     """Error ahead of a point above its noise; see Judge.ahead."""
-    error, known = squares(core, point, which)
-    return float(np.sqrt(max(error - known, 0.0)))
+    return above_noise(by_stretch(core, point, which))
+
+
+def above_noise(stretches: np.ndarray) -> float:
+    """The error (rms) above the noise, of some rows of by_stretch."""
+    squares, known, count = stretches.sum(axis=0)
+    return float(np.sqrt(max(squares - known, 0.0) / max(count, 1.0)))
 
 
 def without_effects(core: Core) -> Point:
@@ -69,13 +77,26 @@ def without_effects(core: Core) -> Point:
 
 def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:
     """Mean squares of the error ahead, noise and all, and of the noise, in spreads of the outputs."""
+    errors, known, count = by_stretch(core, point, which).sum(axis=0)
+    return float(errors / max(count, 1.0)), float(known / max(count, 1.0))
+
+
+def by_stretch(core: Core, point: Point, which: str = "confirm") -> np.ndarray:
+    """By stretch [W, 3]: sums of squares, noise and all, and of the noise, and samples.
+
+    One row without end where the model runs away.
+    """
     errors = by_record(core, point, which)
     if errors is None:
-        return float("inf"), 0.0
-    all_errors = np.concatenate(errors)
-    known = [(core.noise(point.values, n) / core.spread[n]) ** 2 for n in core.outputs]
-    count = max(int((~np.isnan(all_errors)).sum()), 1)
-    return float(np.nansum(all_errors**2)) / count, float(np.sum(~np.isnan(all_errors) * known)) / count
+        return np.array([[np.inf, 0.0, 1.0]])
+    numbers = np.concatenate([ids[counts] for ids, counts in windows(core, (which,))])
+    every, level = (
+        np.concatenate(errors),
+        [core.noise(point.values, n) / core.spread[n] for n in core.outputs],
+    )
+    seen = ~np.isnan(every)
+    rows = np.column_stack([np.nansum(every**2, axis=1), seen @ np.square(level), seen.sum(axis=1)])
+    return np.array([rows[numbers == n].sum(axis=0) for n in np.unique(numbers)])
 
 
 def by_record(core: Core, point: Point, which: str = "confirm") -> list[np.ndarray] | None:

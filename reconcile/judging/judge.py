@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from reconcile.catalogue import ALL, freeform
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, noise, without_effects
+from reconcile.errors.ahead import above_noise, by_stretch, noise, without_effects
 from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
@@ -89,27 +91,26 @@ class Judge:
 
     def __init__(self, beam: Beam):
         self.beam, self.core = beam, beam.core
-        self._ahead: dict[Key, float] = {}
+        self._stretches: dict[Key, np.ndarray] = {}
 
     def ahead(self, key: Key) -> float:
         """Error of a set over many steps on confirm, above the noise, in spreads of the outputs (rms)."""
-        if key not in self._ahead:
-            self._ahead[key] = self._least(key)
-        return self._ahead[key]
+        return above_noise(self._by_stretch(key))
 
-    def _least(self, key: Key) -> float:
+    def _by_stretch(self, key: Key) -> np.ndarray:
+        if key not in self._stretches:
+            self._stretches[key] = self._least(key)
+        return self._stretches[key]
+
+    def _least(self, key: Key) -> np.ndarray:
         """Error of a set as fitted; or by slow motion, where the model without effects errs less by it."""
         plain = without_effects(self.core)
-        if not key:
-            return ahead(self.core, plain)
-        point = self.beam.points[key]
-        found = [point]
-        if plain is self.core.slow:
-            motion = [f for f in point.free if not f.of_noise]
-            start = point.values | self.core.little
-            slow = self.core.fitter.fit(start, point.present, motion, LONG, every=2, own=True)
+        found = [self.beam.points[key] if key else plain]
+        if key and plain is self.core.slow:
+            motion, start = [f for f in found[0].free if not f.of_noise], found[0].values | self.core.little
+            slow = self.core.fitter.fit(start, found[0].present, motion, LONG, every=2, own=True)
             found += [slow] if slow else []
-        return min(ahead(self.core, p) for p in found)
+        return min((by_stretch(self.core, p) for p in found), key=above_noise)
 
     def decide(self) -> Judged:
         """The answer.
@@ -151,7 +152,7 @@ class Judge:
             [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
             refused,
-            dict(self._ahead),
+            {k: self.ahead(k) for k in self._stretches},
             posterior,
         )
 
@@ -195,7 +196,7 @@ class Judge:
         while key:
             shares = {a: self._shortened(key, a) for a in key}
             unfit = {a: why for a in key if key - {a} in self.beam.points and (why := self._unfit(key, a))}
-            weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
+            weak = [a for a, own in shares.items() if self._little(own, self._chance(key, a), base)]
             weak = list(unfit) or [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
                 break
@@ -210,6 +211,25 @@ class Judge:
         while (limit := _limit(self.beam, key)) is not None:
             key = limit
         return key, refused
+
+    @staticmethod
+    def _little(shortened: tuple[float, float], chance: tuple[float, float], base: float) -> bool:
+        """Whether an effect takes too little of the error away, with what chance may have hidden of it."""
+        left, whole = (x + more for x, more in zip(shortened, chance, strict=True))
+        return left < SHORTENED or whole < OF_ALL * base
+
+    def _chance(self, key: Key, a: Attached) -> tuple[float, float]:
+        """Standard errors of what _shortened says, from stretch to stretch (jackknife).
+
+        Of a short recording a few stretches tell, and one that ends at a stop may outweigh all others.
+        """
+        both = [self._by_stretch(k) for k in (key - {a}, key) if k in self.beam.points]
+        if len(both) < 2 or len(both[0]) != len(both[1]) or len(both[0]) < 2:
+            return 0.0, 0.0
+        n = len(both[0])
+        found = [_less(*(above_noise(np.delete(rows, w, axis=0)) for rows in both)) for w in range(n)]
+        left, whole = np.sqrt((n - 1.0) * np.var(found, axis=0))
+        return float(left), float(whole)
 
     def _told(self, key: Key, a: Attached, probability: float) -> bool:
         """Whether the model errs so little that an effect's likelihood on confirm may tell it.
@@ -258,13 +278,17 @@ class Judge:
             self.beam.refit(key, present)
         if less not in self.beam.points:  # without it the model runs away
             return 1.0, float("inf")
-        without, with_it = self.ahead(less), self.ahead(key)
-        return (without - with_it) / max(without, 1e-12), without - with_it
+        return _less(self.ahead(less), self.ahead(key))
 
     def _gain(self, key: Key, a: Attached) -> tuple[float, float]:
         less = self.beam.points.get(key - {a})
         gained = less.loss - self.beam.points[key].loss if less else float("nan")
         return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _less(without: float, with_it: float) -> tuple[float, float]:
+    """The share of an error that is gone, and how much that is."""
+    return (without - with_it) / max(without, 1e-12), without - with_it
 
 
 def _taken(share: float) -> str:
