@@ -21,18 +21,18 @@ def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarr
     What counts lies in the parts `which`.  To a block that is shorter than the horizon the model runs from
     before it, through other parts: so it is predicted over the model's own time, however short it is.
     """
-    horizon, found, number = horizon_s(core), [], 0
+    reach, found, number = horizon_s(core) - 0.5 * core.period, [], 0  # half a sample: for rounding
     for record in core.records:
         inside = np.any([getattr(record, w) for w in which], axis=0)
         ids, free = np.zeros(len(record.time), int), 1  # the first sample that no stretch has; 0 is the start
         known = int(
-            np.searchsorted(record.time, record.time[0] + horizon)
+            np.searchsorted(record.time, record.time[0] + reach)
         )  # by then states are, hidden ones too
         for first, end in _blocks(inside):
-            before = max(known, int(np.searchsorted(record.time, record.time[end - 1] - horizon)))
+            before = max(known, int(np.searchsorted(record.time, record.time[end - 1] - reach)))
             at = max(min(first, before), free)
             while at < end:
-                until = min(int(np.searchsorted(record.time, record.time[at] + horizon)), end)
+                until = min(int(np.searchsorted(record.time, record.time[at] + reach)), end)
                 number += 1
                 ids[at:until] = number
                 at = until
