@@ -1,6 +1,7 @@
 """How far a model errs by itself: from the filtered state on, without disturbance, over its own time."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -25,14 +26,12 @@ def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarr
     for record in core.records:
         inside = np.any([getattr(record, w) for w in which], axis=0)
         ids, free = np.zeros(len(record.time), int), 1  # the first sample that no stretch has; 0 is the start
-        known = int(
-            np.searchsorted(record.time, record.time[0] + reach)
-        )  # by then states are, hidden ones too
+        index = partial(np.searchsorted, record.time)
+        known = index(record.time[0] + reach)  # hidden states are known by then
         for first, end in _blocks(inside):
-            before = max(known, int(np.searchsorted(record.time, record.time[end - 1] - reach)))
-            at = max(min(first, before), free)
+            at = max(min(first, max(known, index(record.time[end - 1] - reach))), free)
             while at < end:
-                until = min(int(np.searchsorted(record.time, record.time[at] + reach)), end)
+                until = min(index(record.time[at] + reach), end)
                 number += 1
                 ids[at:until] = number
                 at = until
