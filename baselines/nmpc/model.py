@@ -15,10 +15,11 @@ from typing import Any
 import casadi as ca
 
 from baselines.nmpc import cost, estimator, solver
-from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP, WAY
+from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import kinematics, slew_control as control
 
+WAY = 6  # ticks that its commands are counted on to be on their way: README.md, "How late the drive is"
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
 FALLBACK_SLOPE = 0.5  # 1/s
 FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
