@@ -28,7 +28,8 @@ FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
 def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     speed, angle, bias = control.observed(x.angle, x.bias, u, p)
     sent = {c: ca.vertcat(*(getattr(x, f"{c}_{i}") for i in range(WAY))) for c in CHANNELS}
-    now = estimator.state(x, u, control.wrap(u.q_slew - control.target_angle(u)), speed)
+    away = control.wrap(u.q_slew + p.nmpc_late * speed - control.target_angle(u))
+    now = estimator.state(x, u, away, speed)
     due = x.phase < 0.5
     plan = ca.vertcat(*(getattr(x, f"plan_{i:02d}") for i in range(solver.SIZE)))
     commands, plan, failed = _planned()(
