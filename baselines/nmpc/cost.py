@@ -20,7 +20,7 @@ TASK = (  # what the solver is told, beside the state; SI
     "end_error", "end_speed", "end_tool", "step",
 )  # fmt: skip
 ARM_LIMIT = 0.2  # rad/s
-STEP_WEIGHTS = (0.02, 2.0, 2.0)  # of the inputs' steps: opening where none is told, boom, stick reference (rad/s)
+STEP_WEIGHTS = (0.02, 2.0, 2.0)  # of the steps of opening (unless one is told), boom and stick reference
 SIZE_WEIGHTS = (1e-4, 0.1, 0.1)
 NX = len(prediction.STATES)
 

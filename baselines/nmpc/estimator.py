@@ -14,7 +14,7 @@ from fmus.equations import kinematics, slew_control as control
 
 STEP = control.STEP
 PERIOD = 5  # ticks from solve to solve
-WAY = 10  # ticks from a solve to the first effect of its commands: one to appear, the rest to the reference's spool
+WAY = 10  # ticks of the reference machine from a solve until the spool moves: one until a command appears
 PAIR = 2  # ticks of a step of the prediction over WAY
 CHANNELS = ("opening", "boom", "stick")
 SENSORS = (
