@@ -17,10 +17,10 @@ from baselines.nmpc import prediction
 
 TASK = (  # what the solver is told, beside the state; SI
     "load", "boom", "stick", "speed_limit", "error", "huber", "tool", "over", "arm", "arm_huber",
-    "end_error", "end_speed", "end_tool",
+    "end_error", "end_speed", "end_tool", "step",
 )  # fmt: skip
 ARM_LIMIT = 0.2  # rad/s
-STEP_WEIGHTS = (0.02, 2.0, 2.0)  # of the inputs' steps: opening, boom and stick reference (rad/s)
+STEP_WEIGHTS = (0.02, 2.0, 2.0)  # of the steps of opening (unless one is told), boom and stick reference
 SIZE_WEIGHTS = (1e-4, 0.1, 0.1)
 NX = len(prediction.STATES)
 
@@ -33,6 +33,7 @@ class Cost:
     `value`     (x, told) -> the stage's share of V
     `told`      numbers that each stage is told, the load first; `staged`: a column of them for each stage
     `lengths`   of a step, tried by roll-out
+    `step`      which of the numbers told is the weight of the opening's steps; None: STEP_WEIGHTS
     """
 
     residual: dict[bool, ca.Function]
@@ -40,6 +41,7 @@ class Cost:
     told: int
     staged: bool = False
     lengths: tuple[float, ...] = (1.0, 0.5, 0.2)
+    step: int | None = None
 
     def at(self, told: Any, k: int) -> Any:
         """What stage `k` is told."""
@@ -57,7 +59,7 @@ def of_target() -> Cost:
         residuals[last] = ca.Function(name, [x, task], [ca.densify(weights * r), ca.densify(slope)])
         terms = [_loss(error, width, weight) for error, width, weight in _terms(x, task, last)]
         values[last] = ca.Function(f"nmpc_{'end_' if last else ''}value", [x, task], [sum(terms, ca.SX(0))])
-    return Cost(residuals, values, len(TASK))
+    return Cost(residuals, values, len(TASK), step=TASK.index("step"))
 
 
 def _weighted(x: ca.SX, task: ca.SX, last: bool) -> tuple[ca.SX, ca.SX]:

@@ -14,7 +14,7 @@ from fmus.equations import kinematics, slew_control as control
 
 STEP = control.STEP
 PERIOD = 5  # ticks from solve to solve
-WAY = 10  # ticks from a solve to the first effect of its commands: one to appear, the rest to the spool
+WAY = 10  # ticks of the reference machine from a solve until the spool moves: one until a command appears
 PAIR = 2  # ticks of a step of the prediction over WAY
 CHANNELS = ("opening", "boom", "stick")
 SENSORS = (
@@ -113,10 +113,10 @@ def step(h: float) -> ca.Function:
 
 
 def ahead(now: Any, sent: Any, load: Any) -> Any:
-    """The state WAY ticks later, with the commands on their way."""
-    moved = step(PAIR * STEP)
-    for tick in range(0, WAY, PAIR):
-        means = [(sent[c * WAY + tick] + sent[c * WAY + tick + 1]) / 2 for c in range(len(CHANNELS))]
+    """The state as many ticks later as there are commands on their way, the oldest of each channel first."""
+    moved, way = step(PAIR * STEP), sent.numel() // len(CHANNELS)
+    for tick in range(0, way, PAIR):
+        means = [(sent[c * way + tick] + sent[c * way + tick + 1]) / 2 for c in range(len(CHANNELS))]
         now = moved(now, ca.vertcat(*means), load)
     return now
 

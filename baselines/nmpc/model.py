@@ -15,10 +15,11 @@ from typing import Any
 import casadi as ca
 
 from baselines.nmpc import cost, estimator, solver
-from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP, WAY
+from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import kinematics, slew_control as control
 
+WAY = 6  # ticks that its commands are counted on to be on their way: README.md, "How late the drive is"
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
 FALLBACK_SLOPE = 0.5  # 1/s
 FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
@@ -27,7 +28,8 @@ FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
 def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     speed, angle, bias = control.observed(x.angle, x.bias, u, p)
     sent = {c: ca.vertcat(*(getattr(x, f"{c}_{i}") for i in range(WAY))) for c in CHANNELS}
-    now = estimator.state(x, u, control.wrap(u.q_slew - control.target_angle(u)), speed)
+    away = control.wrap(u.q_slew + p.nmpc_late * speed - control.target_angle(u))
+    now = estimator.state(x, u, away, speed)
     due = x.phase < 0.5
     plan = ca.vertcat(*(getattr(x, f"plan_{i:02d}") for i in range(solver.SIZE)))
     commands, plan, failed = _planned()(

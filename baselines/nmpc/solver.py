@@ -104,7 +104,7 @@ def _iteration(own: Stage, aim: Cost) -> ca.Function:
     """(x_0, plan, given, task) -> (plan, V): one Gauss-Newton step, never uphill."""
     x0, plan, given, task = _arguments(aim)
     value = plan_cost(own, aim)
-    steps, wanted = _steps(task)
+    steps, wanted = _steps(aim, task)
     miss = steps @ plan - wanted(given)
     hessian, gradient = steps.T @ steps, steps.T @ miss
     x, slope = x0, ca.MX.zeros(NX, SIZE)
@@ -128,7 +128,7 @@ def _iteration(own: Stage, aim: Cost) -> ca.Function:
 def plan_cost(own: Stage, aim: Cost) -> ca.Function:
     """(x_0, plan, given, task) -> V by roll-out."""
     x0, plan, given, task = _arguments(aim)
-    steps, wanted = _steps(task)
+    steps, wanted = _steps(aim, task)
     total, x = ca.sumsqr(steps @ plan - wanted(given)), x0
     for k in range(STAGES):
         x = own.roll(x, inputs(plan, k), task[0])
@@ -172,11 +172,12 @@ def _chosen(k: int) -> ca.DM:
     return ca.DM(matrix)
 
 
-def _steps(task: Any) -> tuple[Any, Callable[[Any], Any]]:
+def _steps(aim: Cost, task: Any) -> tuple[Any, Callable[[Any], Any]]:
     """R of the inputs' steps and sizes, weighted, and d from the inputs given before the plan."""
-    rows, firsts, weights = [], [], []
+    rows, firsts, weights = [], [], list[Any]()
+    of_opening = cost.STEP_WEIGHTS[0] if aim.step is None else task[aim.step]
     for start, count, weight, own in (
-        (0, STAGES, cost.STEP_WEIGHTS[0], cost.SIZE_WEIGHTS[0]),
+        (0, STAGES, of_opening, cost.SIZE_WEIGHTS[0]),
         (STAGES, ARM_STEPS, cost.STEP_WEIGHTS[1], cost.SIZE_WEIGHTS[1]),
         (STAGES + ARM_STEPS, ARM_STEPS, cost.STEP_WEIGHTS[2], cost.SIZE_WEIGHTS[2]),
     ):
@@ -190,13 +191,13 @@ def _steps(task: Any) -> tuple[Any, Callable[[Any], Any]]:
             weights += [weight, own]
             channel = (0, 1, 2)[(start >= STAGES) + (start >= STAGES + ARM_STEPS)]
             firsts += [channel if i == 0 else None, None]
-    scale = np.sqrt(np.array(weights))[:, None]
+    scale = ca.diag(ca.sqrt(ca.vertcat(*weights)))
     picked = np.zeros((len(rows), NU))
     for i, channel in enumerate(firsts):
         if channel is not None:
             picked[i, channel] = 1.0
-    matrix = ca.DM(np.array(rows) * scale)
-    return matrix, lambda given: ca.DM(picked * scale) @ given
+    matrix, first = (scale @ ca.sparsify(ca.DM(m)) for m in (np.array(rows), picked))
+    return matrix, lambda given: first @ given
 
 
 def _arguments(aim: Cost) -> tuple[Any, Any, Any, Any]:

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from baselines.nmpc import cost, prediction, solver
+from baselines.nmpc import cost, estimator, prediction, solver
 from baselines.nmpc.model import MODEL, PERIOD
 from fmus.equations import kinematics
 from fmus.toolchain.build import build_fmu
@@ -18,7 +18,7 @@ G = kinematics.geometry()
 TASK = {
     "load": 0.0, "boom": POSE[0], "stick": POSE[1], "speed_limit": 0.5, "error": 4.0, "huber": 0.05,
     "tool": 3.0, "over": 100.0, "arm": 20.0, "arm_huber": 0.1, "end_error": 40.0, "end_speed": 20.0,
-    "end_tool": 20.0,
+    "end_tool": 20.0, "step": 0.02,
 }  # fmt: skip
 STILL = np.zeros(3)
 
@@ -96,6 +96,28 @@ def test_a_far_target_is_planned_with_full_commands_and_never_more() -> None:
     plan = np.array(plan).ravel()
     assert np.all((plan >= low - 1e-9) & (plan <= high + 1e-9))
     assert plan.max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_dearer_change_of_opening_makes_a_smoother_plan() -> None:
+    """Largest step of the opening from stage to stage, from one begin with the same state."""
+    solve, steps = solver.solver(), []
+    for price in (0.02, 0.2, 2.0):
+        plan = np.zeros(solver.SIZE)
+        for _ in range(3):
+            plan, _, _ = solve(_before(60.0), plan, STILL, _task(step=price))
+        steps.append(np.abs(np.diff(np.array(plan).ravel()[: solver.STAGES])).max())
+    assert steps[0] > 1.2 * steps[1] > 1.44 * steps[2]
+
+
+def test_the_state_ahead_is_as_many_ticks_later_as_commands_are_on_their_way() -> None:
+    """A slew that turns evenly, the commands in neutral: 0.12 s and 0.2 s of its way."""
+    x = prediction.rest(*POSE)
+    x[1] = 0.2
+    ways = []
+    for ticks in (6, 10):
+        later = estimator.ahead(ca.DM(x), ca.DM.zeros(3 * ticks), 0.0)
+        ways.append(float(later[0]))
+    assert ways == pytest.approx([0.2 * 0.12, 0.2 * 0.2], rel=0.1)
 
 
 def test_a_plan_that_is_not_good_enough_is_counted_and_not_used() -> None:
