@@ -233,8 +233,11 @@ class Sets:
 
 
 def weighed(evidence: float, present: Iterable[Attached]) -> float:
-    """Evidence of a point less what its effects cost before anything is seen."""
-    return evidence - sum(PRIOR + PLAIN * len(a.effect.parameters) for a in present)
+    """Evidence of a point less what its effects cost before anything is seen.
+
+    How many points a curve has is no part of what it says: it counts as one parameter.
+    """
+    return evidence - sum(PRIOR + PLAIN * (1 if a.effect.over else len(a.effect.parameters)) for a in present)
 
 
 def effects(values: Values, present: Sequence[Attached]) -> Values:
