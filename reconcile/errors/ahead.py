@@ -65,13 +65,15 @@ def above_noise(stretches: np.ndarray) -> float:
 
 
 def without_effects(core: Core) -> Point:
-    """The model without effects as it errs least ahead: by all that its likelihood says, or by slow motion.
+    """The model without effects: by all that its likelihood says, or by slow motion where that errs less.
 
     A large disturbance that remembers long takes over what the model's own parameters do; its likelihood
-    hardly says so where a recording is short.
+    hardly says so where a recording is short.  What errs by no more than the noise is left as it is.
     """
-    found = [p for p in (core.base, core.slow) if p is not None]
-    return min(found, key=lambda p: ahead(core, p))
+    errs = ahead(core, core.base)
+    if core.slow is None or errs < noise(core, core.base):
+        return core.base
+    return core.slow if ahead(core, core.slow) < errs else core.base
 
 
 def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:

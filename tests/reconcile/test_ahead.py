@@ -57,9 +57,10 @@ def test_a_model_that_runs_away_errs_without_end(monkeypatch):
     assert above_noise(errors.by_stretch(core((40, 45)), None)) == np.inf  # type: ignore[arg-type]
 
 
-def test_the_model_without_effects_is_the_fit_that_errs_least(monkeypatch):
+def test_the_model_without_effects_is_the_fit_that_errs_less_above_the_noise(monkeypatch):
     monkeypatch.setattr(errors, "ahead", lambda core, point: point)
-    for base, slow, wanted in ((0.4, 0.3, 0.3), (0.2, 0.3, 0.2), (0.4, None, 0.4)):
+    monkeypatch.setattr(errors, "noise", lambda core, point: 0.1)
+    for base, slow, wanted in ((0.4, 0.3, 0.3), (0.2, 0.3, 0.2), (0.4, None, 0.4), (0.09, 0.01, 0.09)):
         assert errors.without_effects(SimpleNamespace(base=base, slow=slow)) == wanted  # type: ignore[arg-type]
 
 

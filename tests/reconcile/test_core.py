@@ -244,7 +244,7 @@ def test_probabilities_are_probabilities_and_the_same_twice(friction: Beam):
 
 
 @pytest.mark.parametrize(
-    ("wide", "because"), [(True, "its interval holds nothing at all"), (False, "data it was not fitted to")]
+    ("wide", "because"), [(True, "its interval holds nothing at all"), (False, "it was not fitted to")]
 )
 def test_what_may_be_nothing_or_does_not_shorten_the_error_ahead_is_refused(
     friction: Beam, monkeypatch, wide: bool, because: str

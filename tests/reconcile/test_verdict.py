@@ -35,6 +35,7 @@ def test_an_error_left_is_said_before_too_little_excitation(
     answer: Any = SimpleNamespace(
         core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={}, refused=[])
     )
+    answer.beam = SimpleNamespace(points={frozenset(): answer.point})
     found = verdicts.judge(answer)
     assert found.name == name
     assert said in found.sentence
@@ -105,7 +106,8 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
         for v, e in ((26.0, {"k": 0.2, "a": 0.1}), (30.0, {"k": 0.3, "a": 0.05}), (99.0, {"b": 1.0}))
     )
     monkeypatch.setattr(answers, "standard_errors", lambda point: point.errors)
-    beam: Any = SimpleNamespace(core=None, points={1: own, 2: other, 3: without})
+    core = SimpleNamespace(slow=None)
+    beam: Any = SimpleNamespace(core=core, points={1: own, 2: other, 3: without})
 
     def errors(posterior: dict[int, float]):
         judged: Any = SimpleNamespace(answer=1, posterior=posterior)
@@ -142,7 +144,7 @@ def test_a_parameter_of_an_effect_at_its_limit_is_said(rig):
     )
     values = {shaft.name(n): v for n, v in (("k", 3.0), ("c", 0.1), ("share", 0.98))}
     point = SimpleNamespace(limited={shaft.name("share")}, values=values)
-    answer: Any = SimpleNamespace(point=point, present=(shaft,))
+    answer: Any = SimpleNamespace(point=point, named=(shaft,))
     said = "share of structural_compliance lies at its limit, 0.98: it may stand for something else."
     assert mistaken.bounded_effects(answer) == said
     point.limited = set()
