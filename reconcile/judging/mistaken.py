@@ -39,14 +39,14 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     tried = [(*f, ratios) for f, ratios in fitted if f and f[1].total < core.base.total]
     error, point, ratios = min(tried, key=lambda row: row[0], default=(np.inf, core.base, {}))
     clear = error < EVIDENT * errs and not _silent(core, error, core.fresh, ())
-    if clear or (error < errs and _likelier(core, point)):
-        return _sentence(core, ratios, errs, error, names or {})
-    other = [(*_refitted(core, ratios), ratios) for ratios in _rescaled(core, errs)]
-    explained = [row for row in other if row[0] < min(EVIDENT * errs, WRONG)]
-    if not explained:
-        return ""
-    error, _, ratios = min(explained, key=lambda row: row[1])  # parameters as model.py states them
-    return _sentence(core, ratios, errs, error, names or {})
+    turned = clear or (error < errs and _likelier(core, point))
+    other = [(*_refitted(core, scaled), scaled) for scaled in _rescaled(core, errs)]
+    # a turned sign may make up for a part of a wrong unit
+    enough = HALVED * error if turned else min(EVIDENT * errs, WRONG)
+    explained = [row for row in other if row[0] < enough]
+    if explained:
+        error, _, ratios = min(explained, key=lambda row: row[1])  # parameters as model.py states them
+    return _sentence(core, ratios, errs, error, names or {}) if turned or explained else ""
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -126,12 +126,15 @@ def _turned(core: Core) -> list[Ratios]:
 def _rescaled(core: Core, errs: float) -> list[Ratios]:
     """Every position or speed of an axis in another unit, where no recorded rate of it says which it is.
 
+    Of a model without axes, every state that is recorded.
+
     An input's gain takes up much of another unit: where there is one, only if the model errs a lot.
     """
     if _inputs(core) and errs < LOST:
         return []
     units = {v.name: v.unit for v in core.model.outputs}
-    moving = {n for a in core.folder.ports.axes for n in (a.position, a.velocity)}
+    axes, states = core.folder.ports.axes, [v.name for v in core.model.states]
+    moving = {n for a in axes for n in (a.position, a.velocity)} if axes else {*states}
     shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
     alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
     return [{n: ratio} for n in alone if n in shown for ratio in other_units(units[n])]

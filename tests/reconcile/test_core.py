@@ -10,6 +10,7 @@ from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
 from reconcile.filter.kalman import CREEP, NOISES, TAU
 from reconcile.filter.point import Free, standard_errors
+from reconcile.judging import mistaken
 from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
@@ -320,6 +321,15 @@ def test_a_model_of_one_state_is_fitted_with_inputs_and_without(driven: bool):
     assert core.base.values["time"] == pytest.approx(40.0, rel=0.02)
     error = standard_errors(core.base)["time"]
     assert abs(core.base.values["time"] - 40.0) < 5.0 * error
+
+
+@pytest.mark.parametrize(("factor", "asked"), [(1.0, ""), (1e3, "0.001 times"), (1e-3, "1000 times")])
+def test_the_unit_of_an_output_is_asked_for_without_axes_too(factor: float, asked: str):
+    run = cooled(True)
+    shown = {n: replace(x, values=factor * x.values) for n, x in run.outputs.items()}
+    core = Core(models.cooling(), split([replace(run, outputs=shown)], (), ()), ())
+    said = mistaken.evident(core, {})
+    assert f"column temperature: {asked}" in said if asked else said == ""
 
 
 @pytest.mark.parametrize(("lag", "named"), [(8.0, {"sensor_lag@temperature"}), (0.0, set())])
