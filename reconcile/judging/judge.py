@@ -12,7 +12,7 @@ from reconcile.errors.ahead import above_noise, by_stretch, noise, without_effec
 from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
-from reconcile.search.sets import BEHIND, LONG, Key
+from reconcile.search.sets import BEHIND, LONG, Key, curved
 from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
 MOST_DECLARED = 4
@@ -134,12 +134,16 @@ class Judge:
         if doubted:
             declared += self._rivals(answer, weights)
         declared += [k for k in self._alike(answer) if k not in declared][: MOST_DECLARED - len(declared)]
-        declared = [k for k in declared if k == answer or not (_curved(k) or _curved(answer))]
+        declared = [k for k in declared if k == answer or not (curved(k) or curved(answer))]
         nothing = weights.by_names.get((), 0.0)
-        other = 0.0 if _curved(answer) else sum(p for k, p in weights.posterior.items() if _curved(k))
+        other = 0.0 if curved(answer) else sum(p for k, p in weights.posterior.items() if curved(k))
         if doubted and max(nothing, other) > 1.0 - SURE:
             what = "nothing at all" if nothing > other else "a curve that no effect has"
             text = f"{what} is as probable as {max(nothing, other):.2f}"
+            refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
+            answer, declared = frozenset(), []
+        if curved(answer) and (nearest := self.beam.nearest(answer)) and nearest[1] <= 0.0:
+            text = "effects are as likely, each set with a noise of its own"
             refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
             answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
@@ -336,11 +340,6 @@ def _simplest(beam: Beam) -> dict[Key, float]:
             kept = limit
         found[kept] = found.get(kept, 0.0) + p
     return found
-
-
-def _curved(key: Key) -> bool:
-    """Whether a set has a curve, for what has no form of the catalogue."""
-    return any(a.effect.over for a in key)
 
 
 def _limit(beam: Beam, key: Key) -> Key | None:

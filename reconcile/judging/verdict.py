@@ -17,7 +17,6 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import NO_SHAFT
 from reconcile.search.core import Core
-from reconcile.search.sets import weighed
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
 MOST_TURNED_DOWN = 2  # effects in a sentence
@@ -100,16 +99,11 @@ def _curved(answer: Answer) -> Verdict:
 
 def _nearest(answer: Answer) -> str:
     """The likeliest set of effects, where what is missing has the form of none."""
-    beam = answer.beam
-    points = beam.own or beam.points
-    sets = [k for k in points if k and not any(a.effect.over for a in k)]
-    if not sets:
+    nearest = answer.beam.nearest(answer.judged.answer)
+    if nearest is None:
         return ""
-    best = max(sets, key=lambda k: weighed(points[k].evidence, k))
-    less = weighed(points[answer.judged.answer].evidence, answer.judged.answer) - weighed(
-        points[best].evidence, best
-    )
-    return f" The nearest effects, {words.together(_pairs(best))}, are {less:.0f} nats less likely."
+    names = words.together(_pairs(nearest[0]))
+    return f" The nearest effects, {names}, are {nearest[1]:.0f} nats less likely."
 
 
 def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:

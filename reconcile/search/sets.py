@@ -200,6 +200,18 @@ class Sets:
         left = [a.key + "." for a in key if a not in present]
         return {n: v for n, v in self.points[key].values.items() if not n.startswith(tuple(left))}
 
+    def nearest(self, key: Key) -> tuple[Key, float] | None:
+        """The likeliest set of effects without curves, and by how many nats it is less likely than `key`.
+
+        Each with its own noise: that of a curve belongs to what it explains.
+        """
+        points = self.own or self.points
+        nats = {k: weighed(p.evidence, k) for k, p in points.items() if k and not curved(k)}
+        best = max(nats, key=lambda k: nats[k], default=None)
+        if best is None or key not in points:
+            return None
+        return best, weighed(points[key].evidence, key) - nats[best]
+
     def posterior(self) -> dict[Key, float]:
         """Probability of every fitted set near the best: its softmax over resampled blocks of the data."""
         ranked = self.ranked()
@@ -238,6 +250,11 @@ def weighed(evidence: float, present: Iterable[Attached]) -> float:
     How many points a curve has is no part of what it says: it counts as one parameter.
     """
     return evidence - sum(PRIOR + PLAIN * (1 if a.effect.over else len(a.effect.parameters)) for a in present)
+
+
+def curved(key: Key) -> bool:
+    """Whether a set has a curve, for what has no form of the catalogue."""
+    return any(a.effect.over for a in key)
 
 
 def effects(values: Values, present: Sequence[Attached]) -> Values:

@@ -1,12 +1,16 @@
 """What has no form of the catalogue is a curve through points, and no set of effects that imitates it."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from reconcile.catalogue import freeform
-from reconcile.equations.model import Attached, Folder
+from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.extend import extend
+from reconcile.search.sets import Sets
 from tests.reconcile.conftest import RIG
 from tests.reconcile.truth import Truth
 
@@ -64,6 +68,21 @@ def test_curves_are_no_candidates(rig: Folder):
     assert {a.effect.name for a in core.curves} == set(BY_NAME)
     assert not any(a.effect.over for a in core.candidates)
     assert all(isinstance(a, Attached) for a in core.curves)
+
+
+def test_a_curve_is_compared_with_effects_that_have_a_noise_of_their_own(rig: Folder):
+    coulomb = next(a for a in candidates(rig, ["position", "velocity"]) if a.key == "coulomb_friction@v")
+    curve, effect = frozenset({Attached(BY_NAME["speed_curve"], "v")}), frozenset({coulomb})
+    sets: Any = Sets.__new__(Sets)
+    sets.points = {k: SimpleNamespace(evidence=e) for k, e in ((curve, 50.0), (effect, 0.0))}
+    sets.own = {}
+    assert sets.nearest(curve) == (effect, pytest.approx(50.0))
+    sets.own = {
+        k: SimpleNamespace(evidence=e) for k, e in ((curve, 10.0), (effect, 14.0), (frozenset(), 99.0))
+    }
+    assert sets.nearest(curve) == (effect, pytest.approx(-4.0))
+    sets.own = {curve: sets.own[curve]}
+    assert sets.nearest(curve) is None
 
 
 @pytest.mark.long
