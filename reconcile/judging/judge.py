@@ -135,9 +135,8 @@ class Judge:
             declared += self._rivals(answer, weights)
         declared += [k for k in self._alike(answer) if k not in declared][: MOST_DECLARED - len(declared)]
         declared = [k for k in declared if k == answer or not (curved(k) or curved(answer))]
-        nothing = weights.by_names.get((), 0.0)
-        other = 0.0 if curved(answer) else sum(p for k, p in weights.posterior.items() if curved(k))
-        if doubted and max(nothing, other) > 1.0 - SURE:
+        nothing, other = weights.by_names.get((), 0.0), curves(weights.posterior, answer)
+        if (doubted and nothing > 1.0 - SURE) or other > 0.5:
             what = "nothing at all" if nothing > other else "a curve that no effect has"
             text = f"{what} is as probable as {max(nothing, other):.2f}"
             refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
@@ -340,6 +339,11 @@ def _simplest(beam: Beam) -> dict[Key, float]:
             kept = limit
         found[kept] = found.get(kept, 0.0) + p
     return found
+
+
+def curves(posterior: Mapping[Key, float], answer: Key) -> float:
+    """Probability that what is missing is a curve, beside an answer that has none."""
+    return 0.0 if curved(answer) else sum(p for k, p in posterior.items() if curved(k))
 
 
 def _limit(beam: Beam, key: Key) -> Key | None:

@@ -15,7 +15,7 @@ from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
-from reconcile.judging.judge import NO_SHAFT
+from reconcile.judging.judge import NO_SHAFT, curves
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -78,11 +78,13 @@ def judge(answer: Answer) -> Verdict:
         return Verdict(name, text + _turned_down(answer), left)
     if answer.curves:
         return _curved(answer)
+    other = curves(answer.judged.posterior, answer.judged.answer)
+    more = f" A curve that no effect has is as probable as {other:.2f}." if other > 1.0 - SURE else ""
     if answer.alternatives:
         sets = (answer.present, *answer.alternatives)
-        return Verdict("ambiguous", words.either(map(_pairs, sets)), left)
+        return Verdict("ambiguous", words.either(map(_pairs, sets)) + more, left)
     rest = "" if left == "at_floor" else "; something unexplained remains"
-    return Verdict("named", f"The model lacks {words.together(_pairs(answer.present))}{rest}.", left)
+    return Verdict("named", f"The model lacks {words.together(_pairs(answer.present))}{rest}.{more}", left)
 
 
 def _curved(answer: Answer) -> Verdict:

@@ -10,6 +10,7 @@ import pytest
 from reconcile.catalogue import freeform
 from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.extend import extend
+from reconcile.judging.judge import curves
 from reconcile.search.sets import Sets
 from tests.reconcile.conftest import RIG
 from tests.reconcile.truth import Truth
@@ -83,6 +84,14 @@ def test_a_curve_is_compared_with_effects_that_have_a_noise_of_their_own(rig: Fo
     assert sets.nearest(curve) == (effect, pytest.approx(-4.0))
     sets.own = {curve: sets.own[curve]}
     assert sets.nearest(curve) is None
+
+
+def test_how_probable_a_curve_is_counts_beside_an_answer_without_one(rig: Folder):
+    coulomb = next(a for a in candidates(rig, ["position", "velocity"]) if a.key == "coulomb_friction@v")
+    curve, effect = frozenset({Attached(BY_NAME["speed_curve"], "v")}), frozenset({coulomb})
+    posterior = {effect: 0.5, curve: 0.3, curve | effect: 0.1, frozenset(): 0.1}
+    assert curves(posterior, effect) == pytest.approx(0.4)
+    assert curves(posterior, curve) == 0.0
 
 
 @pytest.mark.long
