@@ -11,9 +11,11 @@ KINDS: dict[str, tuple[str, ...]] = {
         "quadratic_drag",
         "presliding_hysteresis",
         "internal_leakage",
+        "speed_curve",
+        "friction_curve",
     ),
     "load": ("constant_load", "gravity_load", "slope_torque", "wind_load", "input_offset"),
-    "stiffness": ("stiffness", "cubic_stiffness", "end_stop"),
+    "stiffness": ("stiffness", "cubic_stiffness", "end_stop", "position_curve"),
     "ripple": ("torque_ripple",),
     "delay": ("input_delay", "input_lag", "sensor_delay", "sensor_lag", "clock_drift", "input_rate_limit"),
     "input gain": (
@@ -24,6 +26,8 @@ KINDS: dict[str, tuple[str, ...]] = {
         "input_crosstalk",
         "input_backlash",
         "input_hysteresis",
+        "command_curve",
+        "gain_curve",
     ),
     "sensor": (
         "sensor_bias",

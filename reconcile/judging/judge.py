@@ -136,7 +136,7 @@ class Judge:
         declared += [k for k in self._alike(answer) if k not in declared][: MOST_DECLARED - len(declared)]
         declared = [k for k in declared if k == answer or not (curved(k) or curved(answer))]
         nothing, other = weights.by_names.get((), 0.0), curves(weights.posterior, answer)
-        if (doubted and nothing > 1.0 - SURE) or other > 0.5:
+        if doubted and max(nothing, other) > 1.0 - SURE:
             what = "nothing at all" if nothing > other else "a curve that no effect has"
             text = f"{what} is as probable as {max(nothing, other):.2f}"
             refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]

@@ -245,11 +245,16 @@ class Sets:
 
 
 def weighed(evidence: float, present: Iterable[Attached]) -> float:
-    """Evidence of a point less what its effects cost before anything is seen.
+    """Evidence of a point less what its effects cost before anything is seen."""
+    return evidence - sum(map(_cost, present))
 
-    How many points a curve has is no part of what it says: it counts as one parameter.
+
+def _cost(a: Attached) -> float:
+    """Nats that an effect costs; of a curve the number of its points is no part of what it says.
+
+    That the catalogue has no form for something is as likely beforehand as any one of its effects is.
     """
-    return evidence - sum(PRIOR + PLAIN * (1 if a.effect.over else len(a.effect.parameters)) for a in present)
+    return 2.0 * PRIOR + PLAIN if a.effect.over else PRIOR + PLAIN * len(a.effect.parameters)
 
 
 def curved(key: Key) -> bool:

@@ -12,6 +12,7 @@ from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.extend import extend
 from reconcile.judging.judge import curves
 from reconcile.search.sets import Sets
+from reconcile.tolerances import PRIOR
 from tests.reconcile.conftest import RIG
 from tests.reconcile.truth import Truth
 
@@ -77,11 +78,11 @@ def test_a_curve_is_compared_with_effects_that_have_a_noise_of_their_own(rig: Fo
     sets: Any = Sets.__new__(Sets)
     sets.points = {k: SimpleNamespace(evidence=e) for k, e in ((curve, 50.0), (effect, 0.0))}
     sets.own = {}
-    assert sets.nearest(curve) == (effect, pytest.approx(50.0))
+    assert sets.nearest(curve) == (effect, pytest.approx(50.0 - PRIOR))
     sets.own = {
         k: SimpleNamespace(evidence=e) for k, e in ((curve, 10.0), (effect, 14.0), (frozenset(), 99.0))
     }
-    assert sets.nearest(curve) == (effect, pytest.approx(-4.0))
+    assert sets.nearest(curve) == (effect, pytest.approx(-4.0 - PRIOR))
     sets.own = {curve: sets.own[curve]}
     assert sets.nearest(curve) is None
 
