@@ -8,7 +8,7 @@ import numpy as np
 from reconcile.catalogue import ALL, freeform
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import above_noise, by_stretch, noise, without_effects
+from reconcile.errors.ahead import above_noise, ahead, by_stretch, noise, without_effects
 from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
@@ -195,7 +195,7 @@ class Judge:
 
         `kinds`: how probable they are.
         """
-        refused, base = [], self.ahead(frozenset())
+        refused, base = [], ahead(self.core, self.beam.points[frozenset()])
         while key:
             shares = {a: self._shortened(key, a) for a in key}
             unfit = {a: why for a in key if key - {a} in self.beam.points and (why := self._unfit(key, a))}
