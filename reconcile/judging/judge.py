@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -102,11 +103,14 @@ class Judge:
             self._stretches[key] = self._least(key)
         return self._stretches[key]
 
+    @cached_property
+    def _plain(self) -> Point:
+        return without_effects(self.core)
+
     def _least(self, key: Key) -> np.ndarray:
         """Error of a set as fitted; or by slow motion, where the model without effects errs less by it."""
-        plain = without_effects(self.core)
-        found = [self.beam.points[key] if key else plain]
-        if key and plain is self.core.slow:
+        found = [self.beam.points[key] if key else self._plain]
+        if key and self._plain is self.core.slow:
             motion, start = [f for f in found[0].free if not f.of_noise], found[0].values | self.core.little
             slow = self.core.fitter.fit(start, found[0].present, motion, LONG, every=2, own=True)
             found += [slow] if slow else []
