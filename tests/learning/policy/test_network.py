@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -73,9 +74,10 @@ def test_a_mirror_goes_where_its_network_goes() -> None:
     assert len(list(mlp.buffers())) == 2
 
 
-def attentive(task: str, history: int) -> tuple[Interface, nn.Sequential, Policy]:
+def attentive(task: str, history: int) -> tuple[Interface, Any, Policy]:
     """A transformer whose tokens know their places, and the policy that it is exported as."""
-    way, mlp = built(task, "transformer", history)
+    found = built(task, "transformer", history)
+    way, mlp = found[0], cast("Any", found[1])
     nn.init.normal_(mlp[0].place, std=0.3)
     with torch.no_grad():
         mlp[-1].weight.mul_(0.3)  # commands within their limits
@@ -124,9 +126,7 @@ def test_a_transformer_tells_instants_apart_and_all_of_it_learns() -> None:
 def test_layers_that_are_no_transformer_s_are_refused() -> None:
     _, _, policy = attentive("full", 5)
     told, weights = policy.contract, policy.weights
-    with pytest.raises(
-        InputError, match=r"layer 0 is \[192, 74\], a transformer's \[.*, 74\]|layers of width"
-    ):
+    with pytest.raises(InputError, match="10 layers of width 31 are no transformer of 4 heads"):
         Policy(told, [*weights[:-1], (weights[-1][0][:, 1:], weights[-1][1])])
     with pytest.raises(InputError, match="9 layers of width 32 are no transformer of 4 heads"):
         Policy(told, [*weights[:4], *weights[5:]])
