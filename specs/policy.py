@@ -61,6 +61,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
 MOST_LEAD_S = 5.0
 MOST_CHANGE = 2.0  # of the joystick in a period: from one end to the other
 PRIORS = ("", "pd", "parabola", "gentle")
+JOINED = ("", "transformer")  # layers one after the other with tanh between them, or a transformer's
 META = "slewright.policy"  # key of the ONNX metadata that holds `Contract.as_json`
 
 
@@ -93,6 +94,7 @@ class Contract:
     change: float = 0.0  # limit inside the graph: u_slew's change a period stays below it; 0: without limit
     lead_s: float = 0.0  # its target moves along a way and is told this much ahead; 0: it stands
     prior: str = ""  # a law inside the graph that the network's answer is added to (PRIORS)
+    network: str = ""  # how its layers are joined (JOINED)
     data_sha256: str = ""  # of the slew networks it was trained with
     ranges: Mapping[str, tuple[float, float]]
     made: Mapping[str, Any]  # command, seed, commit, figures
@@ -106,6 +108,8 @@ class Contract:
         wanted = contract(self.task if self.task in TASKS else TASKS[-1], self.history)
         found = [f"task {self.task!r} (valid: {', '.join(TASKS)})"] if self.task not in TASKS else []
         found += [f"prior {self.prior!r} (valid: {', '.join(PRIORS)})"] if self.prior not in PRIORS else []
+        if self.network not in JOINED:
+            found.append(f"network {self.network!r} (valid: {', '.join(JOINED)})")
         if not 0.0 <= self.change <= MOST_CHANGE:
             found.append(f"change {self.change!r} (valid: 0 to {MOST_CHANGE:g})")
         if not 0.0 <= self.lead_s <= MOST_LEAD_S:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.definition import Model, Namespace, Variable, from_signals
 from fmus.toolchain.build import build_fmu
-from learning.policy import export
+from learning.policy import attention, export
 from learning.policy.export import Policy
 from learning.policy.features import commands, features, limited
 from specs.policy import ACTIONS, CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TARGETS, TICK_S
@@ -25,7 +25,12 @@ TICKS = round(SPACING_S / TICK_S)
 FILE = "policy.onnx"
 SPLIT = 2.0**29 + 1.0  # of 53 bits, 29 are rounded off
 UNUSED = ("qd_slew",)  # connected to every controller; the gyro tells the same, and is not late
-SOURCES = ("controller.py", "export.py", "features.py")  # beside the file, what its model is made by
+SOURCES = (
+    "attention.py",
+    "controller.py",
+    "export.py",
+    "features.py",
+)  # beside the file, what its model is made by
 CODE = '''"""A policy; written by learning/policy/controller.py.
 
 SHA-256 of policy.onnx and of what makes the model of it: {digest}
@@ -136,10 +141,15 @@ def single(x: ca.MX) -> ca.MX:
 def _answer(policy: Policy, observation: ca.MX) -> ca.MX:
     c = policy.contract
     y = features(c.task, c.history)(observation)
+    y = attention.answer(policy.weights, y) if c.network else _dense(policy, y)
+    return single(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation)))
+
+
+def _dense(policy: Policy, y: ca.MX) -> ca.MX:
     for number, (w, b) in enumerate(policy.weights):
         y = ca.mtimes(ca.MX(ca.DM(w.astype(np.float64))), y) + ca.MX(ca.DM(b.astype(np.float64)))
         y = ca.tanh(y) if number + 1 < len(policy.weights) else y
-    return single(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation)))
+    return y
 
 
 def write_folder(policy: Policy, name: str, parent: Path) -> Path:

@@ -1,6 +1,8 @@
 """Policies as ONNX files: written from weights, read back, refused where they differ from specs/policy.py.
 
-    observation float32 [1, N]  ->  features, layers with tanh, commands, limits  ->  action float32 [1, 3]
+    observation float32 [1, N]  ->  features, layers, commands, limits  ->  action float32 [1, 3]
+
+The layers are dense ones with tanh between them, or a transformer's (attention.py).
 
 Everything between is double, so that rounding is that of the two ends alone.
 """
@@ -10,8 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from learning.policy import attention
 from learning.policy.features import OUTPUTS, commands, features, limited
 from learning.policy.graph import to_onnx
 from specs.errors import InputError
@@ -37,6 +41,9 @@ class Policy:
                 f"a network from {sizes[0]} to {sizes[-1]} numbers; "
                 f"a {c.task} policy with a history of {c.history} has {wanted[0]} and {wanted[1]}"
             )
+        if c.network:
+            attention.check(self.weights, c.history + 1)
+            return
         for number, (w, _) in enumerate(self.weights):
             if w.shape[1] != sizes[number]:
                 raise InputError(f"layer {number} takes {w.shape[1]} numbers and is given {sizes[number]}")
@@ -45,10 +52,14 @@ class Policy:
         """Commands [3] for an observation [N], in double precision by numpy and CasADi."""
         c = self.contract
         y = np.array(features(c.task, c.history)(observation)).ravel()
+        y = np.array(attention.answer(self.weights, ca.DM(y))).ravel() if c.network else self._dense(y)
+        return np.array(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation))).ravel()
+
+    def _dense(self, y: np.ndarray) -> np.ndarray:
         for number, (w, b) in enumerate(self.weights):
             y = w.astype(np.float64) @ y + b
             y = np.tanh(y) if number + 1 < len(self.weights) else y
-        return np.array(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation))).ravel()
+        return y
 
 
 def write(policy: Policy, path: Path) -> Path:
@@ -62,7 +73,7 @@ def write(policy: Policy, path: Path) -> Path:
 def model(policy: Policy) -> Any:
     """The checked ONNX model with the contract in its metadata."""
     import onnx
-    from onnx import TensorProto, helper, numpy_helper
+    from onnx import TensorProto, helper
 
     from learning.slew.onnx_write import IR_VERSION, OPSET, Graph
 
@@ -70,13 +81,7 @@ def model(policy: Policy) -> Any:
     graph = Graph("policy")
     observation = graph.op("Cast", INPUT, to=TensorProto.DOUBLE)
     (y,) = to_onnx(features(c.task, c.history), graph, [observation])
-    for number, (w, b) in enumerate(policy.weights):
-        names = WEIGHT.format(number), BIAS.format(number)
-        graph.constants += [numpy_helper.from_array(v, n) for v, n in zip((w, b), names, strict=True)]
-        wide = [graph.op("Cast", name, to=TensorProto.DOUBLE) for name in names]
-        y = graph.op("Gemm", y, *wide, transB=1)
-        if number + 1 < len(policy.weights):
-            y = graph.op("Tanh", y)
+    y = _network(policy, graph, y)
     (asked,) = to_onnx(commands(c.task, c.history, c.prior, c.change), graph, [y, observation])
     (action,) = to_onnx(limited(), graph, [asked])
     graph.nodes.append(helper.make_node("Cast", [action], [OUTPUT], to=TensorProto.FLOAT))
@@ -93,6 +98,25 @@ def model(policy: Policy) -> Any:
     helper.set_model_props(made, {META: c.as_json()})
     onnx.checker.check_model(made)
     return made
+
+
+def _network(policy: Policy, graph: Any, y: str) -> str:
+    """Write the layers into `graph`; returns the name of their outputs."""
+    from onnx import TensorProto, numpy_helper
+
+    def dense(number: int, x: str) -> str:
+        names = WEIGHT.format(number), BIAS.format(number)
+        pair = zip(policy.weights[number], names, strict=True)
+        graph.constants += [numpy_helper.from_array(v, n) for v, n in pair]
+        return graph.op("Gemm", x, *(graph.op("Cast", n, to=TensorProto.DOUBLE) for n in names), transB=1)
+
+    if policy.contract.network:
+        return attention.to_onnx(graph, y, dense, policy.weights)
+    for number in range(len(policy.weights)):
+        y = dense(number, y)
+        if number + 1 < len(policy.weights):
+            y = graph.op("Tanh", y)
+    return y
 
 
 def read(path: Path) -> Policy:

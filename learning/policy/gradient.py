@@ -28,6 +28,7 @@ from specs.schema import ROOT
 
 LOOK = 10  # steps between looks at what is outside of data and keep-out: a sample is enough
 SHIPPED = ROOT.parent / "learning" / "policies"
+BEGUN = ("", "mirror")  # networks that weights of dense layers can be put into
 WARM_UP = 0.02  # share of the iterations in which the rate rises
 
 
@@ -137,7 +138,8 @@ def begin(mlp: nn.Sequential, recipe: Recipe, way: Interface) -> None:
     policy = read(SHIPPED / path if len(path.parts) == 1 else path)
     told, wanted = policy.contract, (recipe.task, recipe.history, recipe.prior)
     shapes = [w.shape for w, _ in weights_of(mlp)]
-    fits = (told.task, told.history, told.prior) == wanted and shapes == [w.shape for w, _ in policy.weights]
+    fits = recipe.network in BEGUN and (told.task, told.history, told.prior) == wanted
+    fits = fits and shapes == [w.shape for w, _ in policy.weights]
     if fits:
         set_weights(mlp, policy.weights)
         pairs = zip(weights_of(mlp), policy.weights, strict=True)

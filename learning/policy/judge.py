@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy.export import Policy, read
-from learning.policy.network import Interface, perceptron, set_weights
+from learning.policy.network import Interface, opened
 from learning.policy.recipe import RECIPES, Randomisation, Recipe
 from learning.policy.session import NETWORKS
 from learning.policy.simulation.environment import Environment, load_networks
@@ -77,9 +77,7 @@ def judge_file(
     recipe = replace(
         RECIPES[c.task], history=c.history, prior=c.prior, change=c.change, random=machines, **changed
     )
-    mlp = perceptron([policy.weights[0][0].shape[1], *(len(b) for _, b in policy.weights)])
-    set_weights(mlp, policy.weights)
-    return judge(recipe, networks, mlp, pace, n, loads=loads)
+    return judge(recipe, networks, opened(policy), pace, n, loads=loads)
 
 
 @torch.no_grad()

@@ -11,7 +11,7 @@ from specs.policy import HISTORY, TASKS
 
 Range = tuple[float, float]
 Method = Literal["ppo", "gradient"]
-NETWORKS = ("", "mirror", "convolution")
+NETWORKS = ("", "mirror", "convolution", "transformer")
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class Recipe:
     prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
     change: float = 0.0  # of the joystick in a period: a limit inside the policy; 0: without
     start: str = ""  # ONNX policy whose weights training begins with; a bare name is one that ships
-    layers: tuple[int, ...] = (256, 128, 128)  # paper
-    network: str = ""  # of NETWORKS: plain, one that treats left and right alike, filters along the history
+    layers: tuple[int, ...] = (256, 128, 128)  # paper; of a transformer: each encoder layer's hidden width
+    network: str = ""  # of NETWORKS: plain, left and right alike, filters along the history, a transformer
     weights: Mapping[str, float] = field(default_factory=dict)
     quiet: tuple[str, ...] = ("oscillation", "swing", "sway")  # terms that weigh more at a slower pace
     gentle: float = 2.0

@@ -27,7 +27,7 @@ from learning.policy.simulation.environment import HEIGHT, POSE, RADIUS, load_ne
 from learning.policy.training import Training
 from learning.policy.valid import ABSENT
 from specs.errors import InputError, RunError, nearest
-from specs.policy import TASKS, contract
+from specs.policy import JOINED, TASKS, contract
 from specs.progress import Report
 from specs.schema import ROOT
 
@@ -236,6 +236,7 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
         prior=chosen.prior,
         change=chosen.change,
         lead_s=chosen.lead_s,
+        network=chosen.network if chosen.network in JOINED else "",
         data_sha256=training.data,
         ranges=ranges(training.trainer, chosen),
         made=made,

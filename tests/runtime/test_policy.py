@@ -23,6 +23,7 @@ from deployment.bundling.build import bundle
 from learning.policy import export
 from runtime.policy import TOLERANCE, PolicyCore, open_core
 from tests.learning.policy.test_export import made
+from tests.learning.policy.test_network import attentive
 
 TICKS = 100
 
@@ -56,6 +57,15 @@ def test_both_engines_drive_alike(bundles: dict[str, form.Bundle]) -> None:
     native, other = (commands(open_core(bundles[engine])) for engine in (form.NATIVE, form.ONNXRUNTIME))
     assert np.ptp(native, axis=0).min() > 0.005
     assert np.abs(native - other).max() < 20 * TOLERANCE  # the history feeds differences of float32 back
+
+
+def test_a_transformer_drives_alike_on_both_engines(tmp_path: Path) -> None:
+    """It is C like any other network."""
+    path = export.write(attentive("full", 5)[2], tmp_path / "attentive.onnx")
+    engines = form.NATIVE, form.ONNXRUNTIME
+    native, other = (commands(open_core(bundle(str(path), tmp_path / e, engine=e))) for e in engines)
+    assert np.ptp(native[:, :2], axis=0).min() > 0.005
+    assert np.abs(native - other).max() < 20 * TOLERANCE
 
 
 def test_commands_are_held_for_five_ticks(bundles: dict[str, form.Bundle]) -> None:

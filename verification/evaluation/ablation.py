@@ -5,7 +5,9 @@
 
 Every OUT is a folder of `slewright train policy` that ended.  The first is the base: a row names fields of
 the recipe that differ from it.  Each is run by `slewright evaluate` at the pace with this mean speed, on the
-same machines and loads.  Folders that differ in the seed alone share a row.
+same machines and loads.  Folders that differ in the seed alone share a row.  ±: half a 95 % interval over the
+machines, of the tool rate and of its difference from the base on the same machines; what another seed would
+change is not in it.
 """
 
 import argparse
@@ -18,6 +20,7 @@ from learning.policy import checkpoint
 from learning.policy.export import read
 from records.report.markers import fill
 from specs.errors import InputError
+from verification.comparison.figures import interval
 from verification.evaluation import evaluation
 from verification.evaluation.policies import LOADS
 
@@ -26,7 +29,7 @@ COST = ("iterations", "envs", "episode_s")  # said of every row, not as a differ
 SILENT = ("name", "why", "kind", "imitation")  # the last says nothing without a teacher, which is said
 HEAD = (
     "what differs", "iterations × machines × time", "seeds", "pace", "speed °/s", "overshoot °", "error m",
-    "tool empty °/s", "tool 2t", "tool unknown", "tool, mean", "missed",
+    "tool empty °/s", "tool 2t", "tool unknown", "tool, mean", "less the base", "missed",
 )  # fmt: skip
 Found = dict[str, Any]
 
@@ -86,10 +89,24 @@ def named(recipes: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
 def table(rows: Mapping[tuple[str, str], Sequence[Found]]) -> str:
     """The Markdown table; each row the mean over seeds of what `evaluation.evaluate` found."""
     lines = [f"| {' | '.join(HEAD)} |", "|---|---|" + "--:|" * (len(HEAD) - 2)]
-    return "\n".join([*lines, *(_line(*name, found) for name, found in rows.items()), ""])
+    base = by_machine(next(iter(rows.values())))
+    return "\n".join([*lines, *(_line(*name, found, base) for name, found in rows.items()), ""])
 
 
-def _line(what: str, cost: str, found: Sequence[Found]) -> str:
+def by_machine(found: Sequence[Found]) -> dict[str, float]:
+    """Tool rate on each machine, °/s: mean over loads and seeds."""
+    rates: dict[str, list[float]] = {}
+    for run in (run for one in found for run in one["runs"] if not run["failed"]):
+        rates.setdefault(run["draw"], []).append(run["tool"])
+    return {machine: sum(values) / len(values) for machine, values in rates.items()}
+
+
+def _half(values: Sequence[float]) -> str:
+    ends = interval(values)
+    return f" ± {(ends[1] - ends[0]) / 2:.2f}" if ends else ""
+
+
+def _line(what: str, cost: str, found: Sequence[Found], base: Mapping[str, float]) -> str:
     def mean(get: Callable[[Found], float]) -> float:
         return sum(get(one) for one in found) / len(found)
 
@@ -98,10 +115,14 @@ def _line(what: str, cost: str, found: Sequence[Found]) -> str:
         for name in ("speed", "overshoot", "error", "tool", "missed")
     }
     tools = [mean(lambda one, at=at: one["loads"][at]["tool"]) for at in LOADS]
+    own = by_machine(found)
+    more = [own[machine] - base[machine] for machine in base if machine in own]
+    less = f"{sum(more) / len(more):+.2f}{_half(more)}" if any(more) else "–"
     cells = [
         str(len(found)), f"{mean(lambda one: one['pace']):.2f}",
         *(f"{overall[name]:.2f}" for name in ("speed", "overshoot", "error")),
-        *(f"{tool:.2f}" for tool in tools), f"{overall['tool']:.2f}", f"{len(LOADS) * overall['missed']:g}",
+        *(f"{tool:.2f}" for tool in tools), f"{overall['tool']:.2f}{_half([*own.values()])}", less,
+        f"{len(LOADS) * overall['missed']:g}",
     ]  # fmt: skip
     return f"| {what} | {cost} | {' | '.join(cells)} |"
 
@@ -117,7 +138,8 @@ def page(outs: Sequence[Path], asked: evaluation.Request, words: str, results: P
     about = (
         f"Made by `python -m verification.evaluation.ablation {words}`: each at the pace with a mean speed "
         f"of {asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of "
-        f"the {asked.draw_set} draws, simulated; means over machines and seeds."
+        f"the {asked.draw_set} draws, simulated; means over machines and seeds. "
+        "±: half of the 95 % interval over machines; of a difference from the base on the same machines."
     )
     return f"{about}\n\n{table(rows)}\nTrained by\n\n```sh\n{commands}\n```\n"
 

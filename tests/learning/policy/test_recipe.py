@@ -40,7 +40,7 @@ def test_every_field_has_a_rule() -> None:
         ("prior=foo", "prior = 'foo': valid is pd, parabola, gentle, or none"),
         ("method=sac", "method = 'sac': valid is ppo, gradient"),
         ("schedule=linear", "schedule = 'linear'"),
-        ("network=transformer", "no network 'transformer'"),
+        ("network=recurrent", "no network 'recurrent'"),
         ("layers=64", r"layers = 64: valid is \[N"),
         ("layers=[]", "layers ="),
         ("layers=[64,0]", "layers ="),

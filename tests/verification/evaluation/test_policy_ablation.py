@@ -32,11 +32,20 @@ def test_seeds_share_a_row_and_many_ranges_are_one() -> None:
     assert names[2][0] == "spatial no, other ranges of load, gain, latency, dead_band"
     cell = {"speed": 11.0, "overshoot": 0.5, "error": 0.1, "missed": 0}
     seeds = [
-        {"pace": pace, "loads": {load: {**cell, "tool": tool} for load in ablation.LOADS}}
+        {"pace": pace, "loads": {at: {**cell, "tool": tool} for at in ablation.LOADS}, "runs": runs(tool)}
         for pace, tool in ((1.0, 8.0), (1.5, 6.0))
     ]
-    row = ablation.table({names[0]: seeds}).splitlines()[2]
-    assert row == ("| base | 5 × 8 × 15 s | 2 | 1.25 | 11.00 | 0.50 | 0.10 | 7.00 | 7.00 | 7.00 | 7.00 | 0 |")
+    lines = ablation.table({names[0]: seeds, names[2]: seeds[:1]}).splitlines()[2:]
+    assert lines[0] == (
+        "| base | 5 × 8 × 15 s | 2 | 1.25 | 11.00 | 0.50 | 0.10 | 7.00 | 7.00 | 7.00 | 7.00 ± 12.71 | – | 0 |"
+    )
+    assert lines[1].endswith("| 8.00 ± 12.71 | +1.00 ± 0.00 | 0 |")
+
+
+def runs(tool: float) -> list[dict[str, Any]]:
+    """Two machines, 1 below and 1 above; what failed does not count."""
+    good = [{"draw": d, "failed": "", "tool": tool + off} for d, off in (("a", -1.0), ("b", 1.0))]
+    return [*good, {"draw": "c", "failed": "it fell"}]
 
 
 def test_a_folder_without_a_training_or_its_policy_is_refused(tmp_path: Path) -> None:
@@ -58,7 +67,7 @@ def test_the_page_has_a_row_a_recipe_and_what_trained_it(
         tiny = Options("full", seed=1, budget="tiny", networks=(network,), out=out, changed=changed)
         session.run(tiny, lambda *said: None)
     cell = {"speed": 11.0, "overshoot": 0.5, "error": 0.1, "tool": 6.0, "missed": 0}
-    found = {"pace": 1.0, "loads": dict.fromkeys(ablation.LOADS, cell)}
+    found = {"pace": 1.0, "loads": dict.fromkeys(ablation.LOADS, cell), "runs": runs(6.0)}
     monkeypatch.setattr(ablation.evaluation, "evaluate", lambda paths, results, asked: found)
     page = tmp_path / "page.md"
     page.write_text("# Ideas\n\n<!-- old:begin -->\n<!-- old:end -->\n")
