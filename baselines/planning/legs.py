@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from baselines.planning.moving import Moving, settled
+from baselines.planning.moving import Waits, settled
 from baselines.planning.planner import Leg, Planner, pose_of
 from specs.scene import Goal
 
@@ -26,9 +26,8 @@ class Legs:
     _known: dict[tuple[bool, bytes, int], Leg] = field(default_factory=dict)
 
     @cached_property
-    def moving(self) -> Moving:
-        """The things that move; false where there are none."""
-        return Moving(self.planner.body, self.planner.gain("path_late"), self.planner.gain("path_wait"))
+    def _waits(self) -> Waits:
+        return Waits(self.planner.body, self.planner.gain("path_late"), self.planner.gain("path_wait"))
 
     @cached_property
     def _settled(self) -> Planner:
@@ -37,7 +36,7 @@ class Legs:
     @property
     def most_wait_s(self) -> float:
         """The longest that a leg waits before it sets out."""
-        return self.moving.most_wait_s if self.moving else 0.0
+        return self._waits.most_wait_s if self._waits.moving else 0.0
 
     def check(self) -> None:
         """Raise InputError where the scene holds the machine, or start or target are taken for good."""
@@ -57,13 +56,15 @@ class Legs:
 
     def leg(self, start: np.ndarray, number: int, now_s: float) -> Leg:
         """The leg of this number from a pose, begun `now_s` after the scene."""
-        if not self.moving or self._goals(number)[-1].path:  # a target that moves is met without a wait
+        if (
+            not self._waits.moving or self._goals(number)[-1].path
+        ):  # a target that moves is met without a wait
             return self._planned(start, number)
         brief = self._planned(start, number, to_settled=True)
         if brief.path is None:
             return brief
         began = time.process_time()
-        path, reason = self.moving.after_wait(brief.path, now_s)
+        path, reason = self._waits.before(brief.path, now_s)
         leg = replace(brief, path=path, reason=reason, seconds=brief.seconds + time.process_time() - began)
         if path is brief.path:  # no wait
             return leg

@@ -22,11 +22,6 @@ LATE_STEP_S = 0.1  # between the times by which the machine is early or late
 STEPS = (5, 1)  # ticks between the poses looked at: most waits are refused by few of them
 
 
-def moves(thing: Thing) -> bool:
-    """Whether it is not always at the same place."""
-    return len(set(thing.places())) > 1
-
-
 def settled(scene: Scene) -> Scene:
     """The scene once all things are where they stay for good."""
     return replace(scene, things=tuple(replace(thing, path=thing.path[-1:]) for thing in scene.things))
@@ -34,22 +29,47 @@ def settled(scene: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class Moving:
-    """The moving things of a body's scene; `late_s`: by how much the machine may be early or late."""
+    """The things of a scene that move; false where there are none."""
+
+    scene: Scene
+
+    @cached_property
+    def things(self) -> list[tuple[Thing, Solids]]:
+        """Each with its solids as they are without its path."""
+        found = [thing for thing in self.scene.things if len(set(thing.places())) > 1]
+        return [(thing, solids([replace(part, path=()) for part in parts_of(thing)])) for thing in found]
+
+    def __bool__(self) -> bool:
+        return bool(self.things)
+
+    @property
+    def rest_s(self) -> float:
+        """From when on they all rest, s since the scene began."""
+        return max(thing.path[-1][0] for thing, _ in self.things)
+
+    def distance(self, points: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Distance (n, m, things) of points (n, m, 3) to each thing where it is at times (n)."""
+        found = np.empty((*points.shape[:2], len(self.things)))
+        for k, (thing, still) in enumerate(self.things):
+            there = points - away(thing, times)[:, None, :]
+            found[..., k] = still.distance(there.reshape(-1, 3)).min(axis=1).reshape(points.shape[:2])
+        return found
+
+
+@dataclass(frozen=True)
+class Waits:
+    """How long a machine waits in its scene; `late_s`: by how much it may be early or late."""
 
     body: Body
     late_s: float
     most_wait_s: float
 
     @cached_property
-    def _things(self) -> list[tuple[Thing, Solids]]:
-        """Each with its solids where they are without their path."""
-        things = [thing for thing in self.body.scene.things if moves(thing)]
-        return [(thing, solids([replace(part, path=()) for part in parts_of(thing)])) for thing in things]
+    def moving(self) -> Moving:
+        """What moves."""
+        return Moving(self.body.scene)
 
-    def __bool__(self) -> bool:
-        return bool(self._things)
-
-    def after_wait(self, path: Path, now_s: float) -> tuple[Path | None, str]:
+    def before(self, path: Path, now_s: float) -> tuple[Path | None, str]:
         """The path after the least wait from `now_s` on, or what it comes too near to without one, and when.
 
         `now_s` is the time since the scene began.
@@ -63,15 +83,16 @@ class Moving:
 
     def _met(self, angles: np.ndarray, now_s: float, step: int) -> str:
         """What the machine comes too near to on angles from `now_s` on, and when; "" where to nothing."""
-        rest_s = max(thing.path[-1][0] for thing, _ in self._things) + self.late_s - now_s
-        stays = max(0, round(rest_s / TICK_S) - len(angles))
+        stays = max(0, round((self.moving.rest_s + self.late_s - now_s) / TICK_S) - len(angles))
         poses = np.vstack([angles, np.repeat(angles[-1:], stays, axis=0)])[::step]
         times = now_s + TICK_S * step * np.arange(len(poses))
         for late in self._lates():
-            room, nearest = self.clearance(poses, times + late)
+            room, nearest = self._room(poses, times + late)
             if np.any(near := room <= -ROUNDED_M):
                 k = int(np.argmax(near))
-                return f"the machine would come too near to {nearest[k]} {times[k]:.1f} s after the start"
+                return (
+                    f"{times[k]:.1f} s after the scene began, the machine would come too near to {nearest[k]}"
+                )
         return ""
 
     def _lates(self) -> Iterator[float]:
@@ -79,16 +100,13 @@ class Moving:
         count = round(self.late_s / LATE_STEP_S)
         yield from sorted((self.late_s * k / max(count, 1) for k in range(-count, count + 1)), key=abs)
 
-    def clearance(self, poses: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Least distance beyond the margins to what moves, at poses and times; to what it is.
+    def _room(self, poses: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """Least distance beyond the margins to what moves, at poses and times, and what it is to.
 
         The carriage keeps off everywhere that things ever come: its clearance is a table over the slew.
         """
         middles, radii = self.body.balls(poses)
-        found, names = [self.body.tail(poses[:, 0])], ["what the carriage is near to"]
-        for thing, still in self._things:
-            points = middles - away(thing, times)[:, None, :]
-            distance = still.distance(points.reshape(-1, 3)).min(axis=1).reshape(points.shape[:2])
-            found.append(np.min(distance - radii, axis=1))
-            names.append(thing.name)
-        return np.min(found, axis=0), [names[k] for k in np.argmin(found, axis=0)]
+        away_m = np.min(self.moving.distance(middles, times) - radii[:, None], axis=1)
+        found = np.column_stack([away_m, self.body.tail(poses[:, 0])])
+        names = [*(thing.name for thing, _ in self.moving.things), "a thing beside the carriage"]
+        return np.min(found, axis=1), [names[k] for k in np.argmin(found, axis=1)]
