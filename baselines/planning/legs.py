@@ -56,9 +56,8 @@ class Legs:
 
     def leg(self, start: np.ndarray, number: int, now_s: float) -> Leg:
         """The leg of this number from a pose, begun `now_s` after the scene."""
-        if (
-            not self._waits.moving or self._goals(number)[-1].path
-        ):  # a target that moves is met without a wait
+        meets = bool(self._goals(number)[-1].path)  # a target that moves, without a wait
+        if meets or not self._waits.moving:
             return self._planned(start, number)
         brief = self._planned(start, number, to_settled=True)
         if brief.path is None:
