@@ -103,10 +103,12 @@ class Waits:
     def _room(self, poses: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Least distance beyond the margins to what moves, at poses and times, and what it is to.
 
-        The carriage keeps off everywhere that things ever come: its clearance is a table over the slew.
+        Until they all rest, the carriage keeps off everywhere that they come: its clearance is a table over
+        the slew.
         """
         middles, radii = self.body.balls(poses)
         away_m = np.min(self.moving.distance(middles, times) - radii[:, None], axis=1)
-        found = np.column_stack([away_m, self.body.tail(poses[:, 0])])
+        tail_m = np.where(times > self.moving.rest_s, np.inf, self.body.tail(poses[:, 0]))
+        found = np.column_stack([away_m, tail_m])
         names = [*(thing.name for thing, _ in self.moving.things), "a thing beside the carriage"]
         return np.min(found, axis=1), [names[k] for k in np.argmin(found, axis=1)]

@@ -168,6 +168,19 @@ def test_where_no_wait_helps_the_reason_says_what_and_when():
     (leg,) = Legs(Planner(yard(stays))).foreseen()
     assert leg.path is None
     assert "the machine would come too near to lift truck; no wait up to 30 s helps" in leg.reason
+    course = Course(yard(stays), "", 1)
+    assert (course.begin(0), course.ended, course.begins) == (None, True, [])
+    assert course.taken[0].reason == leg.reason
+
+
+def test_the_carriage_keeps_off_where_things_come_until_they_rest():
+    """Something stands behind the machine where the counterweight turns, and leaves."""
+    behind = box((0, 0, 0, 0), (5, 0, 0, 0), (10, 0, -BEYOND[1], 0), middle=(0.0, -4.2, 2.0))
+    waits = Waits(Body(yard(behind)), 0.5, 30.0)
+    waited, _ = waits.before(path := straight(), 0.0)
+    assert waited is not None
+    assert 0.0 < waited.seconds - path.seconds < 10.0
+    assert waits.before(path, 11.0)[0] is path
 
 
 def test_a_run_chooses_each_leg_when_it_begins():
