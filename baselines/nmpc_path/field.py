@@ -1,7 +1,7 @@
 """Distances of the machine's parts to the things of a scene, and their slopes, about given poses.
 
-The tool is where it swings to: no margin is put about it.  Poses are rows of slew, boom, stick, tool pitch
-and tool roll, rad.
+The tool is where it swings to: no margin is put about it.  Things that move are where they are at a time,
+and where they stay for good.  Poses are rows of slew, boom, stick, tool pitch and tool roll, rad.
 """
 
 from functools import cached_property
@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from baselines.planning.body import Body
+from baselines.planning.moving import Moving, settled
 from specs import pose, shapes
 from specs.scene import Scene
 
@@ -22,7 +23,7 @@ class Field:
     """The distance field of one scene, as the machine of nominal sizes meets it."""
 
     def __init__(self, scene: Scene):
-        self._body = Body(scene)
+        self._body, self._moving = Body(settled(scene)), Moving(scene)
         self._sizes = shapes.sizes()
 
     @cached_property
@@ -35,14 +36,15 @@ class Field:
             found.append((capsule, np.linspace(0.0, 1.0, count), capsule.radius))
         return found
 
-    def planes(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def planes(self, poses: np.ndarray, times: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Distances (n, 3) to the two things nearest to the tool and to the one nearest to the arm; slopes.
 
-        Slopes: (n, 3, 5), by the angles of the poses.  What there is none of is far away.
+        At poses (n, 5) and times since the scene began (n) [s].  Slopes: (n, 3, 5), by the angles of the
+        poses.  What there is none of is far away.
         """
         count, width = poses.shape
         moved = np.concatenate([poses, *(poses + STEP_RAD * row for row in np.eye(width))])
-        tool, arm = self._distances(moved)
+        tool, arm = self._distances(moved, np.tile(np.broadcast_to(times, count), 1 + width))
         tool, arm = (found.reshape(1 + width, count, -1) for found in (tool, arm))
         chosen = [(tool, 0), (tool, 1), (arm, 0)]
         rows = np.arange(count)
@@ -55,7 +57,7 @@ class Field:
                 slopes[:, k] = ((here[1:] - here[0]) / STEP_RAD).T
         return distances, slopes
 
-    def _distances(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _distances(self, poses: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Least distance (n, things) of tool and arm to each solid; of the tool to keep-out zones, too."""
         frames = pose.frames(poses, self._sizes)
         tool, arm = [], []
@@ -65,7 +67,8 @@ class Field:
             flat = balls.reshape(-1, 3)
             held = capsule.name in TOOL
             solids = self._body.solids.distance(flat)
-            found = [solids] if not held else [solids, self._body.keep_outs.distance(flat)]
+            found = [solids, self._moving.distance(balls, times).reshape(len(flat), -1)]
+            found += [self._body.keep_outs.distance(flat)] if held else []
             shape = (len(poses), len(places), -1)
             away = np.min(np.hstack(found).reshape(shape), axis=1) - radius
             (tool if held else arm).append(away)

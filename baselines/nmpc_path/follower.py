@@ -43,7 +43,7 @@ class Predictive:
         self._plan = np.zeros(solver.SIZE)
         self._ahead, self._load = prediction.rest(0.0, 0.0), 0.0
         self._way = np.empty((0, 4))  # slew angle, radius and height of the arm tip, slew speed at each tick
-        self._tick = 0
+        self._tick = self._now = 0  # since the path began; since the first step, as the scene does
         self._arrival = Arrival()
 
     def begin(self, path: Path) -> None:
@@ -62,7 +62,7 @@ class Predictive:
             self._stepper.u[k] = sensed.get(name, 0.0)
         self._stepper.advance()
         wanted = self._planned() if self._tick % PERIOD == 0 else self._sent[:, -1]
-        self._tick += 1
+        self._tick, self._now = self._tick + 1, self._now + 1
         self._arrival.watch(sensors)
         self._sent = np.column_stack([self._sent[:, 1:], wanted])
         joystick = _tools().joystick(wanted[0], self._stepper.state("band"))
@@ -94,9 +94,10 @@ class Predictive:
         p, stages = self._p, solver.STAGES
         ticks = self._arrival.tick + WAY + STAGE_TICKS * np.arange(1, stages + 1)
         way = self._way[np.minimum(ticks, len(self._way) - 1)]
+        times = TICK_S * (self._now - self._arrival.tick + ticks)
         last = np.arange(stages) == stages - 1
         poses = states[:, ROWS]
-        distances, slopes = self._field.planes(poses)
+        distances, slopes = self._field.planes(poses, times)
         constant = p.keep - distances + np.einsum("nkj,nj->nk", slopes, poses)
         planes = np.concatenate([constant[:, :, None], slopes], axis=2)
         return np.vstack(

@@ -42,6 +42,16 @@ class Path:
         k = min(tick, len(self.angles) - 1)
         return self.angles[k], self.rates[k], self.accelerations[k]
 
+    def delayed(self, seconds: float) -> "Path":
+        """The same path to a target that rests, after some time at its start."""
+        ticks = round(seconds / TICK_S)
+        if not ticks:
+            return self
+        angles = np.vstack([np.repeat(self.angles[:1], ticks, axis=0), self.angles])
+        still = np.zeros((ticks, angles.shape[1]))
+        rates, accelerations = (np.vstack([still, rows]) for rows in (self.rates, self.accelerations))
+        return Path(angles, rates, accelerations, self.targets, self.tolerance_m, self.there + ticks)
+
 
 def of_angles(angles: np.ndarray, targets: np.ndarray, tolerance_m: float, there: int | None = None) -> Path:
     """The path of these angles, one row a tick; at its target at the tick `there`, else with the last row."""

@@ -1,4 +1,4 @@
-"""A plan from the start of a scene to each of its targets, or the reason why there is none."""
+"""A plan from a pose to a target of a scene, or why there is none; what moves stands everywhere."""
 
 import math
 import time
@@ -57,6 +57,10 @@ class Planner:
         known = {name: p.value for name, p in parameters.load("planning", "control").items()}
         return known | dict(self.gains)
 
+    def gain(self, name: str) -> float:
+        """A planning parameter's value."""
+        return self._p[name]
+
     @cached_property
     def body(self) -> Body:
         """The machine in the scene, with margins."""
@@ -70,7 +74,7 @@ class Planner:
 
     def check(self) -> None:
         """Raise InputError where the scene holds the machine, or start or target are taken."""
-        self._check_machine()
+        self.check_machine()
         for what, target in (("start", self.scene.start), *self._numbered()):
             if isinstance(target, Goal) and target.path:
                 continue  # where it will be is known to who plans
@@ -80,27 +84,13 @@ class Planner:
                     f"scene {self.scene.name}: {what}: {reason}" + (f"; free: {near}" if near else "")
                 )
 
-    def legs(self, seed: int = 1) -> list[Leg]:
-        """A leg to each target that it stops at, each from the one before."""
-        at, found = pose_of(self.scene.start), []
-        for number, targets in enumerate(self.scene.stops()):
-            leg, at = self.leg(at, targets, seed + 1000 * number)
-            found.append(leg)
-            if leg.path is None:
-                break
-        return found
-
-    def leg(self, start: np.ndarray, targets: Sequence[Goal], seed: int = 1) -> tuple[Leg, np.ndarray]:
-        """The leg from a pose to the last of `targets`, past the others, and the pose at its end.
-
-        Always the same for a seed.
-        """
+    def leg(self, start: np.ndarray, targets: Sequence[Goal], seed: int = 1) -> Leg:
+        """The leg from a pose to the last of `targets`, past the others; always the same for a seed."""
         for package in PACKAGES:  # loading them is not planning
             import_module(package)
         began, checks = time.process_time(), search.Checks(self.body, self.speeds)
         path, reason = self._path(checks, start, targets, seed)
-        end = start if path is None else path.angles[-1]
-        return Leg(path, reason, time.process_time() - began, checks.count), end
+        return Leg(path, reason, time.process_time() - began, checks.count)
 
     def _path(
         self, checks: search.Checks, start: np.ndarray, targets: Sequence[Goal], seed: int
@@ -214,7 +204,8 @@ class Planner:
     def _numbered(self) -> list[tuple[str, Target]]:
         return [(f"target {k}", target) for k, target in enumerate(self.scene.targets, 1)]
 
-    def _check_machine(self) -> None:
+    def check_machine(self) -> None:
+        """Raise InputError where a thing holds the machine."""
         near = self.body.solids
         for box in shapes.boxes():
             corner = np.array(box.size) / 2

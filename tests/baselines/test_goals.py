@@ -10,6 +10,7 @@ pytest.importorskip("ompl", reason="pip install 'slewright[scenes]'")
 pytest.importorskip("toppra", reason="pip install 'slewright[scenes]'")
 
 from baselines.following import follower
+from baselines.planning.legs import Legs
 from baselines.planning.path import TICK_S, Path
 from baselines.planning.planner import Planner, hanging
 from specs.errors import InputError
@@ -30,7 +31,7 @@ def yard(*targets: Goal) -> Scene:
 
 
 def path_of(scene: Scene, kind: str = "floor") -> Path:
-    (leg,) = follower.find(kind).planner(scene).legs(1)
+    (leg,) = Legs(follower.find(kind).planner(scene)).foreseen()
     assert leg.path is not None, leg.reason
     return leg.path
 
@@ -59,13 +60,14 @@ def test_a_path_meets_a_target_that_moves_and_goes_on_with_it_smoothly(kind: str
 
 def test_a_target_that_is_too_fast_to_be_met_is_said_to_be():
     fast = yard(goal(20.0, path=((0.0, 0.0, 0.0, 0.0), (4.0, -16.0, 6.0, 0.0), (8.0, 0.0, 0.0, 0.0))))
-    (leg,) = Planner(fast).legs(1)
+    (leg,) = Legs(Planner(fast)).foreseen()
     assert leg.path is None
     assert "the machine sets out" in leg.reason or "too fast" in leg.reason
 
 
 def test_a_target_that_leaves_the_reach_says_when():
-    (leg,) = Planner(yard(goal(60.0, 12.0, path=((0.0, 0.0, 0.0, 0.0), (8.0, 10.0, 10.0, 0.0))))).legs(1)
+    away = yard(goal(60.0, 12.0, path=((0.0, 0.0, 0.0, 0.0), (8.0, 10.0, 10.0, 0.0))))
+    (leg,) = Legs(Planner(away)).foreseen()
     assert leg.path is None
     assert "s after the machine sets out" in leg.reason
 

@@ -18,6 +18,7 @@ from baselines.nmpc_path.follower import Predictive
 from baselines.optima import around
 from baselines.optima.around import Leg
 from baselines.optima.plant import STATES
+from baselines.planning.legs import Legs
 from baselines.planning.path import Path
 from baselines.planning.planner import Planner
 from fmus.equations import kinematics
@@ -96,7 +97,7 @@ def test_nearer_than_the_distance_to_keep_costs_and_further_away_does_not():
 
 
 def test_a_plan_bends_away_from_a_wall_that_the_path_runs_into():
-    legs = Planner(GAP).legs(1)
+    legs = Legs(Planner(GAP)).foreseen()
     path = legs[0].path
     assert path is not None
     x, y, z = pose.grab(np.append(path.angles[len(path.angles) // 2], [0.0, 0.0])[None], SIZES)[0]
@@ -142,7 +143,7 @@ def test_the_optimum_is_quicker_than_any_run_and_a_wall_costs_time():
     row = score(run(Case(GAP, "nmpc")))
     assert 1.0 < found["seconds"] < row["cycle"]
     assert ratios([row], {GAP.name: found["seconds"]})["cycle_ratio"] == row["cycle"] / found["seconds"]
-    leg = follower.find("floor").planner(GAP).legs(1)[0]
+    leg = Legs(follower.find("floor").planner(GAP)).foreseen()[0]
     assert leg.path is not None
     open_yard = replace(GAP, things=(), zones=())
     least, converged = Leg(open_yard, leg.path, {"load_mass": 1000.0}).quickest()

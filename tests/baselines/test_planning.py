@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from baselines.planning.body import Body, Margins
+from baselines.planning.legs import Legs
 from baselines.planning.path import TICK_S
 from baselines.planning.planner import Planner
 from specs import pose, scene_families, shapes
@@ -64,14 +65,14 @@ def test_planning_sees_the_machine_no_smaller_than_coal_does():
 def planned() -> Any:
     pytest.importorskip("ompl", reason="pip install 'slewright[scenes]'")
     pytest.importorskip("toppra", reason="pip install 'slewright[scenes]'")
-    return Planner(TRUCK).legs(1)
+    return Legs(Planner(TRUCK)).foreseen()
 
 
 def test_the_path_to_a_target_at_the_start_stands_still():
     pytest.importorskip("ompl", reason="pip install 'slewright[scenes]'")
     pytest.importorskip("toppra", reason="pip install 'slewright[scenes]'")
     there = replace(TRUCK, things=(), zones=(), targets=(TRUCK.start, TRUCK.targets[0]))
-    first, second = (leg.path for leg in Planner(there).legs(1))
+    first, second = (leg.path for leg in Legs(Planner(there)).foreseen())
     assert first is not None
     assert np.ptp(first.angles, axis=0).max() == np.abs(first.rates).max() == 0.0
     assert second is not None
@@ -98,7 +99,7 @@ def test_a_path_keeps_to_the_speed_limits_and_off_everything(planned: Any):
 
 
 def test_the_same_seed_gives_the_same_path(planned: Any):
-    again = Planner(TRUCK).legs(1)
+    again = Legs(Planner(TRUCK)).foreseen()
     paths = [[leg.path for leg in legs if leg.path] for legs in (planned, again)]
     assert len(paths[0]) == len(TRUCK.targets)
     assert all(np.array_equal(a.angles, b.angles) for a, b in zip(*paths, strict=True))
@@ -110,7 +111,7 @@ def test_where_there_is_no_way_the_reason_names_what_is_in_it():
         Box(name=f"tower {k}", middle=(*at, 10.0), size=(14.0, 1.0, 20.0), turn_deg=turn)
         for k, (at, turn) in enumerate([((9.0, 5.0), 0.0), ((9.0, -5.0), 0.0)])
     ]
-    leg, _ = Planner(with_things(*high)).leg(np.array([0.0, 1.077, -2.08]), TRUCK.targets[:1])
+    leg = Planner(with_things(*high)).leg(np.array([0.0, 1.077, -2.08]), TRUCK.targets[:1])
     assert leg.path is None
     assert "no way found" in leg.reason
     assert "tower 0" in leg.reason

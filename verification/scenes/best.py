@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from baselines.optima.around import STAYS_S, Leg
+from baselines.planning.moving import Moving
 from specs.scene import Scene
 from verification.scenes.run import planned
 
@@ -13,9 +14,9 @@ from verification.scenes.run import planned
 def best(scene: Scene, seed: int) -> dict[str, Any]:
     """`seconds` of the nominal machine with a load in the middle of the scene's, each target in least time.
 
-    None where a target moves or is passed, has no plan to begin from, or a search did not converge.
+    None where something moves, a target is passed or has no plan to begin from, or a search did not converge.
     """
-    if any(target.path or target.through for target in scene.targets):
+    if Moving(scene) or any(target.path or target.through for target in scene.targets):
         return {"scene": scene.name, "seconds": None}
     machine = {"load_mass": sum(scene.load_kg) / 2}
     seconds, legs = STAYS_S * (len(scene.targets) - 1), planned(scene, "", seed)

@@ -12,6 +12,7 @@ import numpy as np
 from baselines import registry
 from baselines.following import follower
 from baselines.following.arrival import SENSED, Arrival, End, of_path
+from baselines.planning.legs import Legs
 from baselines.planning.path import Path
 from baselines.planning.planner import Leg, Planner, pose_of
 from orchestrator.run.master import Options
@@ -125,48 +126,81 @@ def run(case: Case) -> Ran:
     """Plan where the controller follows plans, and drive."""
     follows, led = case.driver in follower.KINDS, case.driver.endswith(LED)
     if not follows and not led:
-        return _aimed(case, ())
-    legs = planned(case.scene, case.driver if follows else "", case.seed)
-    if any(leg.path is None for leg in legs):
-        return Ran(case, None, legs, ())
-    return _follow(case, legs) if follows else _aimed(case, legs)
+        return _aimed(case, None)
+    course = Course(case.scene, case.driver if follows else "", case.seed)
+    if any(leg.path is None for leg in course.foreseen):
+        return Ran(case, None, course.foreseen, ())
+    return _follow(case, course) if follows else _aimed(case, course)
+
+
+@cache
+def _legs(scene: Scene, follows: str, seed: int) -> Legs:
+    return Legs(follower.find(follows).planner(scene) if follows else Planner(scene), seed)
 
 
 @cache
 def planned(scene: Scene, follows: str, seed: int) -> tuple[Leg, ...]:
-    """The legs of a scene for the follower of this name ("": for who is led along them).
+    """The legs of a scene for the follower of this name ("": for who is led along them), as foreseen.
 
     They depend on nothing of a drawn machine.
     """
-    planner = follower.find(follows).planner(scene) if follows else Planner(scene)
-    return tuple(planner.legs(seed))
+    return tuple(_legs(scene, follows, seed).foreseen())
 
 
-def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
-    driver, begins = follower.find(case.driver).make(case.scene), list[int]()
-    last, paths = [10**9], [leg.path for leg in legs if leg.path]
+class Course:
+    """The legs of a run: each is chosen when it begins, since what moves has gone on."""
+
+    def __init__(self, scene: Scene, follows: str, seed: int):
+        self._legs = _legs(scene, follows, seed)
+        self.foreseen = planned(scene, follows, seed)
+        self.taken: list[Leg] = []
+        self.begins: list[int] = []
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last leg has begun, or one cannot."""
+        return len(self.taken) == len(self.foreseen) or bool(self.taken and self.taken[-1].path is None)
+
+    def begin(self, tick: int) -> Path | None:
+        """The path of the next leg from this tick on; None where there is none."""
+        number = len(self.taken)
+        last = self.taken[-1].path if number else None
+        start = pose_of(self._legs.planner.scene.start) if last is None else last.angles[-1]
+        self.taken.append(self._legs.leg(start, number, tick * TICK_S))
+        path = self.taken[-1].path
+        self.begins += [] if path is None else [tick]
+        return path
+
+    @property
+    def longest_s(self) -> float:
+        """For all legs; each may wait for longer than was foreseen."""
+        ends = (of_path(leg.path) for leg in self.foreseen if leg.path)
+        return sum(end.most_s + self._legs.most_wait_s for end in ends)
+
+
+def _follow(case: Case, course: Course) -> Ran:
+    driver, last = follower.find(case.driver).make(case.scene), [10**9]
 
     def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
-        if driver.ended and len(begins) < len(legs):
-            driver.begin(paths[len(begins)])
-            begins.append(tick)
+        if driver.ended and not course.ended and (path := course.begin(tick)):
+            driver.begin(path)
         elif driver.ended:
             last[0] = min(last[0], tick + round(AFTER_S / TICK_S))
         if tick >= last[0]:
             return None
         return checked(driver.step({**sensors, "load_told": 0.0, "pace": 1.0}), case.controller)
 
-    seconds = sum(of_path(path).most_s for path in paths) + AFTER_S
+    seconds = course.longest_s + AFTER_S
     record, parts = _driven(case, bare(bool(case.guarding)), offered(SYSTEM), answer, seconds)
-    return Ran(case, record, legs, tuple(begins), parts)
+    return Ran(case, record, tuple(course.taken), tuple(course.begins), parts)
 
 
-def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
-    """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
+def _aimed(case: Case, course: Course | None) -> Ran:
+    """A controller of targets: blind to the scene without a course, else led along the planned paths."""
     system, settings = _controlled(case.driver.removesuffix(LED), bool(case.guarding))
-    aims = Aims(case.scene, legs, lead_s(case.driver.removesuffix(LED)))
+    aims = Aims(case.scene, course, lead_s(case.driver.removesuffix(LED)))
     record, parts = _driven(case, system, SENSED, aims, aims.longest_s + AFTER_S, settings)
-    return Ran(case, record, legs, tuple(aims.begins), parts)
+    return Ran(case, record, tuple(course.taken if course else ()), tuple(aims.begins), parts)
 
 
 @cache
@@ -179,35 +213,41 @@ def lead_s(controller: str) -> float:
 class Aims:
     """What a controller of targets is told at each tick: the scene's target, or the planned way ahead."""
 
-    def __init__(self, scene: Scene, legs: tuple[Leg, ...], lead_s: float):
+    def __init__(self, scene: Scene, course: Course | None, lead_s: float):
         self._lead = round(lead_s / TICK_S)
+        self._course = course
         self.begins: list[int] = []
-        self.aims = [_led(leg.path) for leg in legs if leg.path]
-        self.aims = self.aims or [_straight(target, scene.tolerance_m) for target in scene.targets]
+        self._aims = [] if course else [_straight(target, scene.tolerance_m) for target in scene.targets]
         self._arrival = Arrival()
         self._after = 0
 
     @property
     def longest_s(self) -> float:
         """For all of them."""
-        return sum(aim.most_s for aim in self.aims)
+        return self._course.longest_s if self._course else sum(aim.most_s for aim in self._aims)
 
     def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         """Inputs of the system; None some time after the last target."""
         if self.begins:
             self._arrival.watch(sensors)
         if self._arrival.ended:
-            if len(self.begins) < len(self.aims):
-                self._arrival.begin(self.aims[len(self.begins)])
+            if self._next(tick):
+                self._arrival.begin(self._aims[len(self.begins)])
                 self.begins.append(tick)
             else:
                 self._after += 1
-        aim = self.aims[len(self.begins) - 1]
+        aim = self._aims[len(self.begins) - 1]
         way = aim.places if aim.way is None else aim.way
         ahead = min(self._arrival.tick + self._lead, len(way) - 1)
         told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
         over = self._after * TICK_S >= AFTER_S
         return None if over else {**told, "load_told": 0.0, "pace": 1.0}
+
+    def _next(self, tick: int) -> bool:
+        """Whether there is another aim."""
+        if self._course and not self._course.ended and (path := self._course.begin(tick)):
+            self._aims.append(_led(path))
+        return len(self.begins) < len(self._aims)
 
 
 def _led(path: Path) -> End:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.following import follower
+from baselines.planning.legs import Legs
 from baselines.planning.planner import Planner
 from orchestrator.run.processes import interrupts_held, warm_up
 from records.figures_file import make_folder
@@ -110,7 +111,7 @@ def check_controllers(controllers: Sequence[str]) -> None:
 def check_scenes(scenes: Sequence[Scene], guarding: Guarding | None = None) -> None:
     """Raise InputError for a scene that machine or guard do not fit into, before anything runs."""
     for scene in scenes:
-        Planner(scene).check()
+        Legs(Planner(scene)).check()
         if guarding:
             guarding(scene)
 

@@ -19,7 +19,7 @@ from slewright.__main__ import run as command
 from specs import pose, shapes
 from specs.scene import Box, Cylinder, HalfSpace, load
 from verification.scenes.contacts import contacts
-from verification.scenes.run import Aims, Case, planned, run
+from verification.scenes.run import Aims, Case, Course, run
 from verification.scenes.score import score, summary
 
 TRUCK = load("truck")
@@ -76,7 +76,7 @@ def test_a_controller_of_targets_reads_all_its_sensors_and_comes_to_rest_where_n
 
 def test_a_target_led_along_the_path_stays_nearer_to_it_than_one_at_its_end():
     case = Case(replace(TRUCK, targets=TRUCK.targets[:1]), "pd@path")
-    aims = Aims(case.scene, planned(case.scene, "", 1), 1.5)
+    aims = Aims(case.scene, Course(case.scene, "", 1), 1.5)
     rest = dict(zip(SENSED, (*pose_of(TRUCK.start), 0.0, 0.0), strict=True))
     first, later = aims(0, rest), aims(200, rest)
     assert first is not None
