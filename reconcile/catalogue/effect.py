@@ -73,9 +73,9 @@ class Parameter:
         """The least and the most that it may be at a port of these scales."""
         return max(self.low, self.least(scales)), min(self.high, self.most(scales))
 
-    def interval(self, value: float, half: float) -> list[float]:
-        """A value less and plus half an interval, no further than it may be at all: no lag below 0."""
-        return [max(value - half, min(self.low, value)), min(value + half, max(self.high, value))]
+    def within(self, value: float, low: float, high: float) -> list[float]:
+        """An interval about a value, no further than it may be at all: no lag below 0."""
+        return [max(low, min(self.low, value)), min(high, max(self.high, value))]
 
 
 @dataclass(frozen=True)

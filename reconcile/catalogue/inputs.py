@@ -20,6 +20,7 @@ MATERIAL = "Olsson et al., Eur. J. Control 4 (1998) 176; Tao and Kokotovic, Adap
 NONSMOOTH = MATERIAL + "Actuator and Sensor Nonlinearities, Wiley 1996"
 MERRITT = "Merritt, Hydraulic Control Systems, Wiley 1967, ch. 5: flow gain over spool travel"
 LINEAR = "linear system identification: Ljung, System Identification, 2nd ed. 1999, ch. 4"
+SHORTEST = 0.02  # sample periods: a time that no recording tells from nothing
 
 
 def share(*shares: float) -> Starts:
@@ -45,7 +46,7 @@ def times(first: float = 0.5, last: float = 2.0, count: int = 4) -> Starts:
 
 def shortest(s: Scales) -> float:
     """A time that no recording tells from nothing."""
-    return 0.02 * s.period_s
+    return SHORTEST * s.period_s
 
 
 def _dead_zone(c: Namespace, p: Namespace, w: Namespace) -> Result:

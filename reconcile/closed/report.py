@@ -134,7 +134,11 @@ def _effect(problem: ClosedProblem, answer: ClosedAnswer, a: Attached) -> dict[s
     for q in a.effect.parameters:
         value, half = fitted.values[a.name(q.name)], 1.96 * float(errors[a.name(q.name)])
         unit = q.unit.format(**units)
-        parameters[q.name] = {"value": value, "unit": unit, "ci95": q.interval(value, half)}
+        parameters[q.name] = {
+            "value": value,
+            "unit": unit,
+            "ci95": q.within(value, value - half, value + half),
+        }
     sure = all(a.effect.name in names(f) for f in answer.alternatives)
     gain_fit, gain_confirm = answer.gains[a.key]
     return {

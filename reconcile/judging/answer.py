@@ -5,14 +5,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import without_effects
+from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
 from reconcile.judging.judge import Judged
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import Key
+
+Z95 = 1.96  # standard errors to either side of a 95 % interval
+FAR, TINY = 8.0, 1e-12  # standard errors within which a value certainly lies; a share of it that is nothing
 
 
 @dataclass(frozen=True)
@@ -55,19 +61,33 @@ class Answer:
 
     @cached_property
     def errors(self) -> Mapping[str, float]:
-        """Standard errors of what was fitted; where other sets may be true as well, their values count too.
+        """Standard errors of what was fitted, as if no other set were possible."""
+        own = standard_errors(self.point)
+        if self.point is not self.core.slow:
+            return own
+        beyond = float(np.sqrt(np.mean(self.point.e**2 / self.point.s)))  # it was fitted with little noise
+        return {n: e * max(beyond, 1.0) for n, e in own.items()}
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % of what a fitted parameter may be; where other sets may be true, their values count too.
 
         By its own fit alone, a set does not know how far off it is where something beside it is missing.
         """
-        own, values = standard_errors(self.point), self.point.values
-        if self.point is self.core.slow:  # of the little noise that it was fitted with
-            beyond = float(np.sqrt(np.mean(self.point.e**2 / self.point.s)))
-            return {n: e * max(beyond, 1.0) for n, e in own.items()}
-        squares, weights = dict.fromkeys(own, 0.0), dict.fromkeys(own, 1e-9)
-        for key, p in self.judged.posterior.items():
-            other = self.beam.points[key]
-            for name, error in standard_errors(other).items():
-                if name in own:
-                    weights[name] += p
-                    squares[name] += p * (error**2 + (other.values[name] - values[name]) ** 2)
-        return {n: max(e, float(np.sqrt(squares[n] / weights[n]))) for n, e in own.items()}
+        own, error = self.point.values[name], self.errors[name]
+        low, high = own - Z95 * error, own + Z95 * error
+        rows = [(p, v[name], max(e[name], TINY * abs(v[name]))) for p, v, e in self._likely if name in e]
+        if self.point is self.core.slow or not rows:
+            return low, high
+        weights, values, errors = np.array(rows).T
+        reach = np.min(values - FAR * errors), np.max(values + FAR * errors)
+
+        def quantile(share: float) -> float:
+            return float(brentq(lambda x: weights @ (ndtr((x - values) / errors) - share), *reach))
+
+        return (min(low, quantile(0.025)), max(high, quantile(0.975))) if np.ptp(reach) else (low, high)
+
+    @cached_property
+    def _likely(self) -> list[tuple[float, Values, Mapping[str, float]]]:
+        """Probability, values and standard errors of every set that may be true."""
+        points = [(p, self.beam.points[key]) for key, p in self.judged.posterior.items()]
+        return [(p, point.values, standard_errors(point)) for p, point in points]

@@ -43,7 +43,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     other = [(*_refitted(core, scaled), scaled) for scaled in _rescaled(core, errs)]
     # a turned sign may make up for a part of a wrong unit
     enough = HALVED * error if turned else min(EVIDENT * errs, WRONG)
-    explained = [row for row in other if row[0] < enough]
+    explained = [row for row in other if row[0] < enough and not _boundless(core, *row)]
     if explained:
         error, _, ratios = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, ratios, errs, error, names or {}) if turned or explained else ""
@@ -176,6 +176,7 @@ def _fit(
     other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
     other.kalman = core.kalman.over(other.records)
     other.fitter = Fitter(other.kalman, core.scored["fit"])
+    other.fitter.noise = core.fitter.noise  # nats count from there
     free = [*core.base_free, *core.noise_free, *core.free_of(*present)]
     motion = [f for f in free if not f.of_noise]
     slow = other.fitter.fit(start, present, motion, STEPS, own=True, every=2) if motion else None
@@ -214,6 +215,11 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
     return tried is not None and error > HALVED * tried[0]
 
 
+def _boundless(core: Core, error: float, _: float, ratios: Ratios) -> bool:
+    """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told."""
+    return HALVED * _refitted(core, {n: ratio**2 for n, ratio in ratios.items()})[0] < error
+
+
 def _likelier(core: Core, point: Point) -> bool:
     """Whether turned channels are far likelier than these, and likelier than inputs that do nothing."""
     silent = _fitted(core, dict.fromkeys(_inputs(core), 0.0), core.fresh, ())
@@ -235,6 +241,8 @@ def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mappi
     ratio = next(iter(ratios.values()))
     lines = "; ".join(turned_line(n, names) for n in ratios)
     gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
+    if words.percent(less) == words.percent(errs):
+        gains = "the recordings are far likelier"
     if ratio != -1.0:
         what = known_ratios()[ratio]
         return (

@@ -11,9 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
+from reconcile import words
+from reconcile.catalogue.inputs import SHORTEST
 from reconcile.catalogue.offset import NAME
 from reconcile.equations.model import Attached, Folder
 from reconcile.filter.point import Point, standard_errors
+from reconcile.judging.answer import Answer
 from reconcile.recordings import offsets as recorded
 from reconcile.recordings.data import Run, split
 from reconcile.recordings.offsets import input_period
@@ -24,7 +27,7 @@ from reconcile.tolerances import INPUT_GAIN, LEAST_FLOOR, WORTH
 
 SURE = 3.0  # standard errors by which an offset may be beside a multiple of half a sample …
 NEAR, FAR = 0.05, 0.2  # … but at least, and at most, so much of half a sample
-SLIGHT = 0.08  # samples: a simulation's own, finer steps make delays as short
+OF_STEPS = 0.1  # samples: steps within a sample, as simulations have them, make delays as short
 DEGREES, PARTS = (1, 3, 0), (1, 2)  # of inputs that vary between their samples, or are held; of a step
 DELAYS = "input_delay", "sensor_delay"
 
@@ -70,16 +73,29 @@ def _rounded(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
     return nearest if abs(late - nearest) < beside else late
 
 
+def _delays(a: Attached) -> bool:
+    """Whether an effect is a delay, or a lag that looks like one where it is short."""
+    late = a.effect.delays or any(n in DELAYS for n in a.effect.becomes)
+    return late and not a.effect.clock and len(a.effect.parameters) == 1
+
+
 def _is_offset(beam: Beam, key: frozenset[Attached], a: Attached) -> bool:
     """Whether it is an offset, or a delay or lag as an offset would be, of an output or of the only input."""
     if a.effect.name == NAME:
         return True
     several = a.effect.place == "input" and len(beam.core.folder.ports.controls) > 1
-    late = a.effect.delays or any(n in DELAYS for n in a.effect.becomes)
-    if not late or a.effect.clock or several or len(a.effect.parameters) > 1:
+    if several or not _delays(a):
         return False
     period = input_period(beam.core.runs)
-    return _late(beam, key, a) <= SLIGHT * period or _rounded(beam, key, a) == 0.5 * period
+    return _late(beam, key, a) <= SHORTEST * period or _rounded(beam, key, a) == 0.5 * period
+
+
+def short(answer: Answer) -> str:
+    """A sentence on named delays and lags that a simulation's own steps look like; "" without."""
+    period, values = input_period(answer.core.runs), answer.point.values
+    late = {a: values[a.name(a.effect.parameters[0].name)] / period for a in answer.named if _delays(a)}
+    found = [f"{a.effect.name} is {x:.2f} samples long" for a, x in late.items() if x < OF_STEPS]
+    return f"{words.listed(found)}: the finer steps of a simulation would look the same." if found else ""
 
 
 def _late(beam: Beam, key: frozenset[Attached], a: Attached) -> float:

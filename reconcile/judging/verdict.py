@@ -33,15 +33,18 @@ class Verdict:
 
 
 def moved_parameters(answer: Answer) -> dict[str, dict[str, Any]]:
-    """Base parameters that the fit moved by more than their errors and by more than 1 %."""
+    """Base parameters that the fit moved by more than its own errors and by more than 1 %.
+
+    Their intervals count other sets too: one of these may leave a parameter open that surely has moved.
+    """
     point, found = answer.point, {}
     for v in answer.core.model.parameters:
         if v.name not in answer.errors:
             continue
-        new, se = point.values[v.name], answer.errors[v.name]
-        if abs(new - v.start) > MOVED * se and abs(new - v.start) > 0.01 * max(abs(v.start), 1e-12):
-            interval = [new - 1.96 * se, new + 1.96 * se]
-            found[v.name] = {"old": v.start, "new": new, "unit": v.unit, "ci95": interval}
+        new, least = point.values[v.name], MOVED * answer.errors[v.name]
+        if abs(new - v.start) > max(least, 0.01 * abs(v.start)):
+            interval = answer.interval(v.name)
+            found[v.name] = {"old": v.start, "new": new, "unit": v.unit, "ci95": [*interval]}
     return found
 
 

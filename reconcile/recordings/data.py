@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reconcile import words
 from reconcile.equations.model import Folder
-from reconcile.recordings import sizes, turns
+from reconcile.recordings import ends, sizes, turns
 from records.formats import read_measurement
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
@@ -108,7 +109,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
     channels = {n: _in_unit(measured[n], units[n], where) for n in (*inputs, *outputs)}
     _check_numbers(channels, where)
-    turned = _continuous(channels, outputs)
+    said = [*_within_range(channels, outputs), *_continuous(channels, outputs)]
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []
@@ -120,7 +121,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             label = name if not runs else f"{name}.{len(runs)}"
             before = start - pieces[0].start_s
             # said once for a recording, not for each stretch
-            notes = () if runs else (*measured.repairs, *turned)
+            notes = () if runs else (*measured.repairs, *said)
             runs.append(Run(label, start, end, *signals, notes=notes, of=name, before_s=before))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
@@ -149,6 +150,20 @@ def _in_unit(channel: Channel, unit: str, where: str) -> Channel:
         return channel
     values = converted(channel.values, channel.unit, spelled(unit), f"{where}: channel {channel.name}")
     return Channel(channel.name, unit, channel.time, values, channel.description)
+
+
+def _within_range(channels: dict[str, Channel], outputs: Sequence[str]) -> list[str]:
+    """Leave out samples of sensors at an end of their range, in place; what there is to say of it."""
+    said = []
+    for n in outputs:
+        channel = channels[n]
+        if (out := ends.at_an_end(channel.values.astype(float))).any():
+            at = words.listed([f"{v:.6g}" for v in np.unique(channel.values[out])])
+            said.append(
+                f"{n} stands still at {at} {channel.unit}, its sensor's end: {out.sum()} samples left out"
+            )
+            channels[n] = replace(channel, time=channel.time[~out], values=channel.values[~out])
+    return said
 
 
 def _continuous(channels: dict[str, Channel], outputs: Sequence[str]) -> list[str]:

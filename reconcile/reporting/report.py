@@ -70,9 +70,8 @@ def _effect(answer: Answer, a: Attached) -> dict[str, Any]:
     parameters = {}
     for q in a.effect.parameters:
         value = answer.point.values[a.name(q.name)]
-        half = 1.96 * answer.errors[a.name(q.name)]
-        unit = answer.core.kalman.whole.unit(a, q.name)
-        parameters[q.name] = {"value": value, "unit": unit, "ci95": q.interval(value, half)}
+        unit, interval = answer.core.kalman.whole.unit(a, q.name), answer.interval(a.name(q.name))
+        parameters[q.name] = {"value": value, "unit": unit, "ci95": q.within(value, *interval)}
     sure = all(a.effect.name in {x.effect.name for x in k} for k in answer.alternatives)
     gain_fit, gain_confirm = answer.judged.gains[a]
     return {

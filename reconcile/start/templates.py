@@ -139,14 +139,15 @@ def free(draft: Draft, outputs: Sequence[tuple[str, str]], inputs: Sequence[tupl
 
 
 def first_order(draft: Draft, output: tuple[str, str], drive: tuple[str, str] | None) -> None:
-    """T y' = gain u + offset - y."""
+    """T x' = gain u + offset - x."""
     name, unit = output
-    draft.states, draft.outputs = [("y", unit, "State")], [(name, unit, "Recorded " + name)]
-    draft.out[name] = "x.y"
+    state = "x_" + name
+    draft.states, draft.outputs = [(state, unit, "State")], [(name, unit, "Recorded " + name)]
+    draft.out[name] = f"x.{state}"
     if drive:
         draft.inputs.append((drive[0], drive[1], "Recorded input"))
     gain = f"p.gain * u.{drive[0]} + " if drive else ""
-    draft.rates["y"] = f"({gain}p.offset - x.y) / p.time_constant"
+    draft.rates[state] = f"({gain}p.offset - x.{state}) / p.time_constant"
 
 
 def text(draft: Draft, name: str, step: float, notes: Sequence[str], number: Callable[[float], str]) -> str:

@@ -20,6 +20,7 @@ from specs.units import known
 EXAMPLES = {"position": "deg", "velocity": "rpm", TURNS.noun: "N.m", MOVES.noun: "N"}
 TO_AND_FRO = 4  # times that what swings freely crosses its middle
 FAR_OFF = 2.0  # of its own spread, from which the middle of a command is no accident
+NEAR_NOTHING = 0.1  # of that middle: a command as small is none
 
 
 def start(recording: Path, out: Path, template: str | None = None, dof: int | None = None) -> list[str]:
@@ -141,10 +142,15 @@ def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -
 
 
 def _middle(drive: Column, unit: str, kind: Motion) -> float | None:
-    """Median of a command that moves about a value far from nothing; None of others and of forces."""
+    """Median of a command that moves about a value far from nothing; None of others and of forces.
+
+    Where it comes near to nothing as well, as a step does, the machine rests there.
+    """
     commands = si(drive, unit)
     middle = float(np.median(commands))
-    return middle if unit != kind.force and abs(middle) > FAR_OFF * float(np.std(commands)) else None
+    rests = float(np.min(np.abs(commands))) < NEAR_NOTHING * abs(middle)
+    far = abs(middle) > FAR_OFF * float(np.std(commands)) and not rests
+    return middle if unit != kind.force and far else None
 
 
 def _drive_unit(drive: Column, kind: Motion) -> str:

@@ -64,6 +64,9 @@ CLOCKS = frozenset(
         "recordtime",
         "temps",
         "horodatage",
+        "tiempo",
+        "tempo",
+        "tijd",
         "uptime",
     ]
 )

@@ -67,6 +67,24 @@ def cooling(driven: bool = True) -> Folder:
     )
 
 
+def falling() -> Folder:
+    """What falls freely: gravity is known, and nothing else acts."""
+    return folder(
+        Model(
+            name="falling",
+            description="A free fall",
+            kind="continuous",
+            step=0.05,
+            states=(Variable("z", "m", "Height"), Variable("v", "m/s", "Speed")),
+            inputs=(),
+            outputs=(Variable("height", "m", "Height"),),
+            parameters=(Variable("g", "m/s2", "Gravity", start=9.81, min=9.7, max=9.9, tolerance=0.002),),
+            rhs=lambda x, u, m, p: {"z": x.v, "v": -p.g},
+            out=lambda x, u, m, p: {"height": x.z},
+        )
+    )
+
+
 def stepped(step: float = 0.02, pull: float = 0.4) -> Folder:
     """A joint that follows its speed command, in steps."""
     return folder(

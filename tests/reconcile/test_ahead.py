@@ -82,6 +82,7 @@ def little(without: list[float], with_it: list[float]) -> bool:
 def test_one_stretch_that_is_off_does_not_turn_an_effect_down():
     assert not little([1.0, 1.0, 1.0, 1.0], [0.1, 0.1, 0.1, 4.5])
     assert little([1.0] * 40, [0.1] * 30 + [4.5] * 10)  # as often as that it is no chance
+    assert little([0.4, 0.9, 0.05, 0.3], [1.1, 0.6, 0.06, 0.3])  # nor does one save it that is worse in most
 
 
 def test_what_changes_no_stretch_is_too_little():

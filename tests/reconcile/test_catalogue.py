@@ -136,7 +136,7 @@ def test_every_name_of_the_contract_at_inputs_axes_and_outputs_is_there():
 )
 def test_an_interval_ends_where_the_parameter_does(name, value, half, expected):
     effect = next(e for e in ALL if e.key == name)
-    assert effect.parameters[0].interval(value, half) == pytest.approx(expected)
+    assert effect.parameters[0].within(value, value - half, value + half) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("name", ["rig", "stepped", "arm"])

@@ -332,6 +332,19 @@ def test_the_unit_of_an_output_is_asked_for_without_axes_too(factor: float, aske
     assert f"column temperature: {asked}" in said if asked else said == ""
 
 
+def test_what_falls_at_a_constant_speed_is_in_no_other_unit():
+    time = np.arange(0.0, 17.0, 0.05)
+    height = 80.0 - 4.7 * time + 0.1 * np.random.default_rng(2).standard_normal(len(time))
+    run = models.run({}, {"height": (time, height)})
+    assert mistaken.evident(Core(models.falling(), split([run], (), ()), ())) == ""
+
+
+def test_nats_of_turned_channels_are_those_of_the_model():
+    core = Core(models.cooling(), split([cooled(True)], (), ()), ())
+    _, same = mistaken._fit(core, {"heat": 1.0}, core.fresh, (), np.inf)
+    assert same.total == pytest.approx(core.base.total, abs=0.5)
+
+
 @pytest.mark.parametrize(("lag", "named"), [(8.0, {"sensor_lag@temperature"}), (0.0, set())])
 def test_a_sensors_lag_is_named_without_an_input_where_there_is_one(lag: float, named: set[str]):
     time = np.arange(0.0, 200.0, 1.25)

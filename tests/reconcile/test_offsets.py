@@ -116,11 +116,12 @@ def test_a_force_that_varies_between_its_samples_is_no_effect(rig, friction):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("part", "named"), [(0.25, True), (0.5, False)])
+@pytest.mark.parametrize(("part", "named"), [(0.05, True), (0.25, True), (0.5, False)])
 def test_a_delay_of_a_part_of_a_sample_is_one_unless_recordings_make_it(rig, part, named):
     figures, _ = workflow.examine(rig, told(rig, {"command": STEPS, "truth": {"velocity": late(part)}}, 0.0))
     sets = [[e["name"] for e in figures["effects"]], *figures["alternatives"]]
     assert any("sensor_delay" in s for s in sets) == named
+    assert ("samples long: the finer steps" in figures["sentence"]) == (part < 0.1)
 
 
 def test_a_point_without_its_offset_has_none_in_its_values(rig):

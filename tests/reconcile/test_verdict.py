@@ -109,14 +109,16 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
     core = SimpleNamespace(slow=None)
     beam: Any = SimpleNamespace(core=core, points={1: own, 2: other, 3: without})
 
-    def errors(posterior: dict[int, float]):
+    def interval(name: str, posterior: dict[int, float]):
         judged: Any = SimpleNamespace(answer=1, posterior=posterior)
-        return answers.Answer(beam.core, beam, judged).errors
+        return answers.Answer(beam.core, beam, judged).interval(name)
 
-    found = errors({1: 0.3, 2: 0.3, 3: 0.4})
-    assert found["k"] == pytest.approx(np.sqrt((0.2**2 + 0.3**2 + 4.0**2) / 2))
-    assert found["a"] == 0.1  # at least what its own fit says
-    assert errors({1: 1.0}) == pytest.approx(own.errors)
+    either = {1: 0.3, 2: 0.3, 3: 0.4}
+    assert interval("k", either) == pytest.approx((26.0 - 0.392, 30.0 + 1.645 * 0.3), abs=0.01)
+    assert interval("a", either) == pytest.approx((1.0 - 0.196, 1.0 + 0.196))  # at least its own fit's
+    assert interval("k", {1: 1.0}) == pytest.approx((26.0 - 0.392, 26.0 + 0.392), abs=1e-3)
+    rare = interval("k", {1: 0.99, 2: 0.01})
+    assert rare == pytest.approx((26.0 - 0.392, 26.0 + 0.45), abs=0.02)  # what is unlikely hardly counts
 
 
 def test_what_was_turned_down_is_said_where_nothing_is_named():

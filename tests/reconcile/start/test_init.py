@@ -199,6 +199,23 @@ def test_pulses_of_a_servo_have_a_middle_at_which_they_do_nothing(tmp_path: Path
     assert value(folder, "neutral") * {"s": 1e6}.get(unit, 1.0) == pytest.approx(1512, abs=2)
 
 
+def test_a_step_from_nothing_has_no_such_middle(tmp_path: Path):
+    r = rig()
+    columns = {"Tiempo (s)": r["t"], "pwm [us]": 255.0 * (r["t"] > 5.0), "rate [rad/s]": r["v"]}
+    start(table(tmp_path / "rig.csv", columns), tmp_path / "first")
+    folder = open_folder(str(tmp_path / "first"))
+    assert "neutral" not in {v.name for v in folder.model.parameters}
+
+
+def test_a_column_may_have_the_name_of_a_state(tmp_path: Path):
+    r = filling(1.0)
+    columns = {"time (millisec)": 1e3 * r["t"], "u": r["command"], "y": r["level"]}
+    start(table(tmp_path / "tank.csv", columns), tmp_path / "first", "first-order")
+    _, (only,) = opened(tmp_path / "tank.csv", tmp_path / "first")
+    assert set(only.outputs) == {"y"}
+    assert only.end_s == pytest.approx(r["t"][-1])
+
+
 def test_a_level_is_filled_by_a_flow(tmp_path: Path):
     r = filling(1.0)
     columns = {"t [s]": r["t"], "pump [l/min]": 12 * r["command"], "level [mm]": 1000 * r["level"]}

@@ -1,0 +1,41 @@
+"""Sensors at an end of their range."""
+
+import numpy as np
+import pytest
+
+from reconcile.recordings import ends
+from reconcile.recordings.data import runs_of
+from records.measurement import Channel, Measurement
+from tests.reconcile import models
+
+TIME = 0.5 * np.arange(400)
+WAVE = 20.0 + 10.0 * np.sin(0.1 * TIME)
+NOISE = 0.05 * np.random.default_rng(5).standard_normal(len(TIME))
+
+
+@pytest.mark.parametrize(
+    ("values", "count"),
+    [
+        (WAVE + NOISE, 0),
+        (np.minimum(WAVE + NOISE, 27.0), np.sum(WAVE + NOISE >= 27.0)),
+        (np.maximum(WAVE + NOISE, 12.0), np.sum(WAVE + NOISE <= 12.0)),
+        (np.minimum(WAVE, 27.0), 0),
+        (np.maximum(WAVE - 20.0 + NOISE, 0.0), 0),
+        (np.round(np.minimum(WAVE + NOISE, 27.0)), 0),
+    ],
+    ids=["within", "at the top", "at the bottom", "a stop", "at rest", "coarse steps"],
+)
+def test_rows_of_one_value_at_an_end_are_a_sensors(values, count):
+    assert ends.at_an_end(values).sum() == count
+
+
+def test_samples_at_an_end_are_left_out_and_said():
+    channels = {
+        "heat": Channel("heat", "W", TIME, np.full(len(TIME), 10.0) + (TIME > 50.0)),
+        "temperature": Channel("temperature", "K", TIME, np.minimum(WAVE + NOISE, 27.0)),
+    }
+    runs = runs_of(Measurement(channels, source="hot.csv"), models.cooling(), "hot")
+    assert len(runs) == 3
+    assert all(np.all(r.outputs["temperature"].values < 27.0) for r in runs)
+    (note,) = runs[0].notes
+    assert note.startswith("temperature stands still at 27 K, its sensor's end: ")
