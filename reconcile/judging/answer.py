@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from scipy.optimize import brentq
@@ -82,7 +83,7 @@ class Answer:
         reach = np.min(values - FAR * errors), np.max(values + FAR * errors)
 
         def quantile(share: float) -> float:
-            return float(brentq(lambda x: weights @ (ndtr((x - values) / errors) - share), *reach))
+            return cast(float, brentq(lambda x: weights @ (ndtr((x - values) / errors) - share), *reach))
 
         return (min(low, quantile(0.025)), max(high, quantile(0.975))) if np.ptp(reach) else (low, high)
 

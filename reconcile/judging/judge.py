@@ -14,14 +14,14 @@ from reconcile.filter.point import Point, standard_errors
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
 from reconcile.search.sets import BEHIND, LONG, Key, curved
-from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SEEN, SHORTENED, SURE, TOLD, WORTH
+from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
 NO_SHAFT = "one of its ends has hardly any inertia"
-MAGNITUDE, NO_SIGN = "absolute_value_sensor", "what it shows is never negative"
+LARGER = "it makes the error ahead"
 HARDLY = 5e-3  # of the error ahead: what changes it by less does not show there
 FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
@@ -263,27 +263,18 @@ class Judge:
     def _unfit(self, key: Key, a: Attached) -> str:
         """Why an effect cannot be meant, however likely its set is; "" where nothing says so.
 
-        A shaft with hardly any inertia on one end is none, nor is a magnitude of what is never negative.  The
-        intervals of an effect's amplitudes, of one with a gate all intervals, may hold nothing.  What gains
-        much is there all the same: where two parameters stand for each other no interval tells.
+        A shaft with hardly any inertia on one end is none.  The intervals of an effect's amplitudes, of one
+        with a gate all intervals, may hold nothing.  What gains much is there all the same: where two
+        parameters stand for each other no interval tells.
         """
         point, own = self.beam.points[key], {a.name(q.name): q for q in a.effect.parameters}
         if a.effect.shaft and a.name("share") in point.limited:
             return NO_SHAFT
-        if a.effect.name == MAGNITUDE and not self._turns(point, a):
-            return NO_SIGN
         if self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
             return ""
         errors, sizes = standard_errors(point), [n for n, q in own.items() if q.amplitude] or list(own)
         nothing = all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in sizes)
         return "its interval holds nothing at all" if nothing else ""
-
-    def _turns(self, point: Point, a: Attached) -> bool:
-        """Whether a state that a sensor shows goes below zero by more than its noise."""
-        run = self.core.kalman.run(point.values, point.present, states=True) or []
-        seen = [(i, n) for i, n, _ in self.core.kalman.shown if n in self.core.folder.ports.members(a.port)]
-        low = [np.min(f.z[:, i]) < -SEEN * self.core.noise(point.values, n) for f in run for i, n in seen]
-        return any(low) or not seen
 
     def _relieves(self, key: Key, a: Attached) -> bool:
         """Whether a parameter leaves what the model states of it, where the effect is not there."""
@@ -316,7 +307,7 @@ def _taken(share: float) -> str:
     if abs(share) < HARDLY:
         return "it hardly shows in data that it was not fitted to"
     if share < 0.0:
-        return f"it makes the error ahead {100 * -share:.1f} % larger, on data it was not fitted to"
+        return f"{LARGER} {100 * -share:.1f} % larger, on data it was not fitted to"
     return f"takes {100 * share:.1f} % of the error ahead away, on data it was not fitted to"
 
 

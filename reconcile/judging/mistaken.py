@@ -43,7 +43,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     other = [(*_refitted(core, scaled), scaled) for scaled in _rescaled(core, errs)]
     # a turned sign may make up for a part of a wrong unit
     enough = HALVED * error if turned else min(EVIDENT * errs, WRONG)
-    explained = [row for row in other if row[0] < enough and not _boundless(core, *row)]
+    explained = [row for row in other if row[0] < enough and not _boundless(core, row[0], row[2])]
     if explained:
         error, _, ratios = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, ratios, errs, error, names or {}) if turned or explained else ""
@@ -215,7 +215,7 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
     return tried is not None and error > HALVED * tried[0]
 
 
-def _boundless(core: Core, error: float, _: float, ratios: Ratios) -> bool:
+def _boundless(core: Core, error: float, ratios: Ratios) -> bool:
     """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told."""
     return HALVED * _refitted(core, {n: ratio**2 for n, ratio in ratios.items()})[0] < error
 

@@ -15,7 +15,7 @@ from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
-from reconcile.judging.judge import NO_SHAFT, curves
+from reconcile.judging.judge import LARGER, NO_SHAFT, curves
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -147,7 +147,9 @@ def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
     errs = words.percent(ahead(answer.core, answer.point))
     text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
-    none = {kind_of(r["effect"]) for r in answer.judged.refused if r["because"] == NO_SHAFT}
+    none = {
+        kind_of(r["effect"]) for r in answer.judged.refused if r["because"].startswith((NO_SHAFT, LARGER))
+    }
     sure = next((k for k, p in answer.judged.kinds.items() if p >= SURE and k not in none), None)
     sizes = answer.core.disturbances(answer.beam.points[frozenset()].values)
     worst = max(sizes, key=lambda p: sizes[p])

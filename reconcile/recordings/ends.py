@@ -1,17 +1,22 @@
-"""Sensors at an end of their range: one value, again and again, where the sensor else shows noise."""
+"""Sensors at an end of their range, and such as show magnitudes: what their values alone say of it."""
 
 import numpy as np
 
 from reconcile.recordings.noise import high_pass_level, quantum
 
 LEAST = 10  # samples in a row
+LITTLE, BRIEF = (
+    0.1,
+    0.05,
+)  # of a signal: near to nothing; of its samples: on the way from one sign to the other
 NOISY = 2.0  # of the smallest step of a sensor: with less noise a machine that stands shows one value as well
 
 
 def at_an_end(values: np.ndarray) -> np.ndarray:
     """Which samples [n] a sensor cannot show: those at its largest or smallest value, where it stays there.
 
-    A zero is none: what is at rest shows that.
+    It has to show noise elsewhere: what stands still shows one value as well.  A zero is none: what is at
+    rest shows that.
     """
     rows = [values == end for end in (np.max(values), np.min(values)) if end != 0.0]
     found = np.any([row for row in rows if _longest(row) >= LEAST] or [np.zeros(len(values), bool)], axis=0)
@@ -19,6 +24,13 @@ def at_an_end(values: np.ndarray) -> np.ndarray:
     if len(rest) < LEAST or high_pass_level(rest) <= NOISY * _step(rest):
         return np.zeros(len(values), bool)
     return found
+
+
+def turns_at_nothing(values: np.ndarray) -> bool:
+    """Whether a signal [n] comes to nothing and goes on at once, as the size of what turns round does."""
+    size = np.abs(values)
+    gaps = np.diff(np.flatnonzero(size >= LITTLE * np.quantile(size, 0.98)))  # 1: both are far from nothing
+    return bool(np.any((gaps > 1) & (gaps < BRIEF * len(size) + 2)))
 
 
 def _longest(row: np.ndarray) -> int:

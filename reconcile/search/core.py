@@ -17,6 +17,7 @@ from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import CORRELATED, CREEP, NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
+from reconcile.recordings import ends
 from reconcile.recordings.data import Parts, Run, still
 from reconcile.recordings.noise import high_pass_level, quantum
 from reconcile.search.free import FreeParameters, stated
@@ -41,6 +42,11 @@ QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 # of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
 CREEPS = (1e-7, 3e-4, 0.1)
 LOUDER = 3.0  # times the disturbance of the model without effects: a fit on its way may need more than that
+MAGNITUDE = "absolute_value_sensor"
+LITTLE, BRIEF = (
+    0.1,
+    0.05,
+)  # of an output: near to nothing; of a recording: on its way from one sign to the other
 OF_MEMORY = 0.5  # of the time in which the outputs forget, that their noise may last
 CLOSING = 0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its gap
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
@@ -75,6 +81,8 @@ class Core:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
         constant = still(runs, [v.name for v in self.model.inputs])
         found = candidates(folder, sorted(recorded), (*catalogue, *freeform.FORMS), constant=constant)
+        turned = {n for r in runs for n, s in r.outputs.items() if ends.turns_at_nothing(s.values)}
+        found = [a for a in found if a.effect.name != MAGNITUDE or a.port in turned]
         self.candidates = [a for a in found if not a.effect.over]
         self.curves = [a for a in found if a.effect.over]
         self.records = records(runs, blocks, MOST_SAMPLES)

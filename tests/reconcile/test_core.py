@@ -341,8 +341,9 @@ def test_what_falls_at_a_constant_speed_is_in_no_other_unit():
 
 def test_nats_of_turned_channels_are_those_of_the_model():
     core = Core(models.cooling(), split([cooled(True)], (), ()), ())
-    _, same = mistaken._fit(core, {"heat": 1.0}, core.fresh, (), np.inf)
-    assert same.total == pytest.approx(core.base.total, abs=0.5)
+    same = mistaken._fit(core, {"heat": 1.0}, core.fresh, (), np.inf)
+    assert same is not None
+    assert same[1].total == pytest.approx(core.base.total, abs=0.5)
 
 
 @pytest.mark.parametrize(("lag", "named"), [(8.0, {"sensor_lag@temperature"}), (0.0, set())])

@@ -39,3 +39,11 @@ def test_samples_at_an_end_are_left_out_and_said():
     assert all(np.all(r.outputs["temperature"].values < 27.0) for r in runs)
     (note,) = runs[0].notes
     assert note.startswith("temperature stands still at 27 K, its sensor's end: ")
+
+
+def test_a_signal_turns_at_nothing_where_it_comes_down_to_it_and_goes_on():
+    turning = 10.0 * np.sin(0.1 * TIME)
+    assert ends.turns_at_nothing(np.abs(turning))
+    assert not ends.turns_at_nothing(np.maximum(turning, 0.0))  # it rests
+    assert not ends.turns_at_nothing(20.0 * (TIME > 50.0) + NOISE)  # it sets out once
+    assert not ends.turns_at_nothing(WAVE)
