@@ -4,7 +4,6 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.start import units
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
-from reconcile.tolerances import AT_FLOOR, HALVED, LEAST_FLOOR, OF_ERROR, WRONG
+from reconcile.tolerances import LEAST_FLOOR, OF_ERROR
 from records.formats import read_measurement
 from specs.errors import InputError, RunError
 from specs.version import VERSION
@@ -191,32 +190,9 @@ def _searched(
     for each in (beam, before) if before else (beam,):
         offsets.drop(each)
     answer = _judged(beam, said)
-    if before is not None and not answer.present:
-        answer = _judged(before, said)
-    return _quietly(answer, said)
-
-
-def _quietly(answer: Answer, said: Report) -> Answer:
-    """The answer with hardly any disturbance, where the other errs much and this one hardly at all.
-
-    One step ahead a large disturbance stands for nearly anything; over the model's own time it does not.
-    One effect has to be enough: several may imitate what has no form, and nothing stands against them then.
-    """
-    core, errs = answer.core, ahead(answer.core, answer.point)
-    if answer.beam.cut or errs < (WRONG if answer.present else noise(core, answer.point)):
+    if before is None or answer.present:
         return answer
-    said("again with hardly any disturbance")
-    beam = Beam(core.quieter(), said)
-    beam.limit -= core.kalman.done  # both searches together
-    beam.search()
-    offsets.drop(beam)
-    other = _judged(beam, said)
-    enough = verdicts.beyond_noise(beam.core, other.point) < AT_FLOOR
-    if len(other.named) != 1 or other.curves or not enough or ahead(beam.core, other.point) > HALVED * errs:
-        return answer
-    if ahead(core, core.base) < ahead(beam.core, beam.core.base):  # effects are compared with the better fit
-        beam.core.base = replace(core.base, values=beam.core.base.values | core.base.values)
-    return other
+    return _judged(before, said)
 
 
 def _best_share(beam: Beam) -> float:

@@ -43,10 +43,6 @@ QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 CREEPS = (1e-7, 3e-4, 0.1)
 LOUDER = 3.0  # times the disturbance of the model without effects: a fit on its way may need more than that
 MAGNITUDE = "absolute_value_sensor"
-LITTLE, BRIEF = (
-    0.1,
-    0.05,
-)  # of an output: near to nothing; of a recording: on its way from one sign to the other
 OF_MEMORY = 0.5  # of the time in which the outputs forget, that their noise may last
 CLOSING = 0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its gap
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
@@ -258,26 +254,6 @@ class Core:
         """Nats that parameters cost which lie beside what the model states of them."""
         well = {v.name for v in self.model.parameters if stated(v)}
         return 0.5 * sum(f.coordinate(point.values[f.name]) ** 2 for f in self.base_free if f.name in well)
-
-    def quieter(self) -> "Core":
-        """The same ground with disturbances so small that they do nothing of the model's work.
-
-        What the model lacks is an error of the outputs then, that lasts for a while.
-        """
-        found = Core(self.folder, self.parts, self.catalogue, self.share, correlated=True)
-        found.noise_free = [found._hushed(f) for f in found.noise_free]
-        start = found.slowly
-        found.values = start | {f.name: f.value(f.coordinate(start[f.name])) for f in found.noise_free}
-        found.base = found._base_fit(True)
-        found.values = found.base.values
-        return found
-
-    def _hushed(self, f: Free) -> Free:
-        """Noise of a place that pushes it no more than QUIET; that of outputs as it is."""
-        if f.name.removeprefix(SIGMA).removeprefix(WHITE) not in self.kalman.places:
-            return f
-        most = QUIET * f.center
-        return replace(f, center=min(f.center, most), low=min(f.low, 0.5 * most), high=most)
 
     def settle(self) -> None:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""
