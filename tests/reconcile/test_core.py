@@ -339,6 +339,12 @@ def test_what_falls_at_a_constant_speed_is_in_no_other_unit():
     assert mistaken.evident(Core(models.falling(), split([run], (), ()), ())) == ""
 
 
+@pytest.mark.parametrize(("shown", "asked"), [(np.abs, True), (lambda v: np.maximum(v, 0.0) + 5.0, False)])
+def test_a_sensor_of_magnitudes_is_asked_where_its_output_turns_at_nothing(shown, asked: bool):
+    core = cored(recorded(Truth(velocity=shown), seconds=10.0), "absolute_value_sensor@velocity")
+    assert ("absolute_value_sensor@velocity" in {a.key for a in core.candidates}) == asked
+
+
 def test_nats_of_turned_channels_are_those_of_the_model():
     core = Core(models.cooling(), split([cooled(True)], (), ()), ())
     same = mistaken._fit(core, {"heat": 1.0}, core.fresh, (), np.inf)
