@@ -99,8 +99,9 @@ def _units(folder: Folder, a: Attached) -> dict[str, str]:
         return sites.units(folder.model, folder.ports, a.port)
     if a.effect.place in AXIS_PLACES:
         axis = next(x for x in folder.ports.axes if x.name == a.port)
-        q = unit_of(folder.model, axis.position) if axis.position else ""
         v = unit_of(folder.model, axis.velocity)
+        way = v.removesuffix("/s") if v.endswith("/s") else f"{v}.s"  # where no state is the position
+        q = unit_of(folder.model, axis.position) if axis.position else way
         return {"f": axis.unit, "v": v, "q": q, "inertia": axis.inertia_unit, "u": "", "y": "", "other": ""}
     alone = folder.ports.members(a.port) == (a.port,)
     own = unit_of(folder.model, a.port) if alone else ""
