@@ -5,10 +5,9 @@ import numpy as np
 from reconcile.recordings.noise import high_pass_level, quantum
 
 LEAST = 10  # samples in a row
-LITTLE, BRIEF = (
-    0.1,
-    0.05,
-)  # of a signal: near to nothing; of its samples: on the way from one sign to the other
+MOSTLY = 0.5  # of the samples lie within the range, else the signal has two levels
+LITTLE = 0.1  # of a signal: near to nothing
+BRIEF = 0.1  # of its samples: on its way from one sign to the other
 NOISY = 2.0  # of the smallest step of a sensor: with less noise a machine that stands shows one value as well
 
 
@@ -21,7 +20,7 @@ def at_an_end(values: np.ndarray) -> np.ndarray:
     rows = [values == end for end in (np.max(values), np.min(values)) if end != 0.0]
     found = np.any([row for row in rows if _longest(row) >= LEAST] or [np.zeros(len(values), bool)], axis=0)
     rest = values[~found]
-    if len(rest) < LEAST or high_pass_level(rest) <= NOISY * _step(rest):
+    if len(rest) < max(MOSTLY * len(values), LEAST) or high_pass_level(rest) <= NOISY * _step(rest):
         return np.zeros(len(values), bool)
     return found
 
