@@ -13,6 +13,7 @@ from reconcile.closed.fitted import ClosedFit, names, sample, standard_errors
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.search import ClosedAnswer, ClosedSearch
 from reconcile.equations.model import Attached
+from reconcile.filter.point import Z95
 from reconcile.judging import quantization, unidentifiable as open_unidentifiable
 from reconcile.recordings.data import Run, split
 from reconcile.reporting.findings import STAGES
@@ -121,7 +122,7 @@ def _moved(problem: ClosedProblem, fitted: ClosedFit) -> dict[str, dict]:
             continue
         new, old = fitted.values[f.name], f.prior[0]
         if abs(new - old) > MOVED * se and abs(new - old) > 0.01 * abs(old):
-            interval = [new - 1.96 * float(se), new + 1.96 * float(se)]
+            interval = [new - Z95 * float(se), new + Z95 * float(se)]
             found[f.name] = {"old": old, "new": new, "unit": units[f.name], "ci95": interval}
     return found
 
@@ -132,7 +133,7 @@ def _effect(problem: ClosedProblem, answer: ClosedAnswer, a: Attached) -> dict[s
     units = candidates.units(a, problem.box)
     parameters = {}
     for q in a.effect.parameters:
-        value, half = fitted.values[a.name(q.name)], 1.96 * float(errors[a.name(q.name)])
+        value, half = fitted.values[a.name(q.name)], Z95 * float(errors[a.name(q.name)])
         unit = q.unit.format(**units)
         parameters[q.name] = {
             "value": value,
@@ -166,9 +167,7 @@ def _considered(answer: ClosedAnswer) -> list[dict[str, Any]]:
             because = f"{abs(nats):.0f} nats of evidence {'less' if nats > 0 else 'more'} than the answer"
         rows.append({"effects": sorted(a.key for a in key), "nats_below_answer": nats, "because": because})
     rows.sort(key=lambda r: r["nats_below_answer"])
-    turned_down = [
-        {"effects": [f"{r['effect']}@{r['port']}"], "because": r["because"]} for r in answer.refused
-    ]
+    turned_down = [{"effects": [f"{r.effect}@{r.port}"], "because": r.because} for r in answer.refused]
     return rows[:MOST_CONSIDERED] + turned_down
 
 

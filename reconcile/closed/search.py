@@ -11,6 +11,7 @@ from reconcile.closed.evidence import Sample
 from reconcile.closed.fitted import ClosedFit, confirmed, from_nothing, names, sample
 from reconcile.closed.problem import ClosedProblem
 from reconcile.equations.model import Attached
+from reconcile.judging.refused import Refused, refused
 
 CLOSE = 2.0 * float(np.log(5.0))  # of twice the log-likelihood: odds of less than five do not tell apart
 MOST_RIVALS = 4
@@ -32,7 +33,7 @@ class ClosedAnswer:
     base: ClosedFit
     alternatives: list[ClosedFit] = field(default_factory=list)
     gains: dict[str, tuple[float, float]] = field(default_factory=dict)
-    refused: list[dict[str, str]] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
     tried: dict[Key, ClosedFit] = field(default_factory=dict)
 
 
@@ -88,7 +89,7 @@ class ClosedSearch:
         new = next(a for a in best.effects if a not in answer.fitted.effects)
         why = self._why_not(best, answer.fitted, new)
         if why:
-            answer.refused.append({"effect": new.effect.name, "port": new.port, "because": why})
+            answer.refused.append(refused(new, why))
             return False
         answer.fitted = best
         return True

@@ -21,9 +21,10 @@ class Likelihood:
     delay that moves a sample out of the scored ones, or into them, gains nothing by that.
     """
 
-    def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray]):
+    def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray], noise: np.ndarray | None = None):
+        """`noise`: 1 where none is given; fits whose nats are compared must have the same."""
         self.kalman, self.scored = kalman, [np.asarray(s, bool) for s in scored]
-        self.noise = np.ones(len(kalman.outputs))
+        self.noise = np.ones(len(kalman.outputs)) if noise is None else noise
         self.period = min(float(np.median(r.steps)) for r in kalman.records)
 
     def gather(self, found: Sequence[Filtered]) -> tuple[np.ndarray, np.ndarray]:

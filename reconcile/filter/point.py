@@ -8,6 +8,7 @@ import numpy as np
 from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISES, Values
 
+Z95 = 1.96  # standard errors to either side of a 95 % interval
 RARE = 3.0  # nats by which something is less likely than at its limit, beyond which it is in one of 20 cases
 NEAR = 0.5  # of a parameter, by which a step moves it as its slope says
 
@@ -128,7 +129,7 @@ def standard_errors(point: Point) -> Mapping[str, float]:
     """
     size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
     slope, bend = np.abs(point.gradient) + 1e-300, np.sqrt(np.diag(point.information) + 1.0)
-    size = np.where(point.held, np.minimum(RARE / slope, 1.96 / bend) / 1.96, size)
+    size = np.where(point.held, np.minimum(RARE / slope, Z95 / bend) / Z95, size)
     return {
         f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
     }

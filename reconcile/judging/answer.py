@@ -12,13 +12,12 @@ from scipy.special import ndtr
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import without_effects
 from reconcile.filter.kalman import Values
-from reconcile.filter.point import Point, standard_errors
+from reconcile.filter.point import Z95, Point, standard_errors
 from reconcile.judging.judge import Judged
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import Key
 
-Z95 = 1.96  # standard errors to either side of a 95 % interval
 FAR, TINY = 8.0, 1e-12  # standard errors within which a value certainly lies; a share of it that is nothing
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import by_record
-from reconcile.filter.point import Point
+from reconcile.filter.point import Z95, Point
 from reconcile.judging.answer import Answer
 from reconcile.recordings.data import Run, Signal
 from reconcile.search.core import Core
@@ -34,7 +34,7 @@ class Clock:
 
     def figures(self) -> dict[str, object]:
         """As the report has it."""
-        half = 1.96 * self.offset_error
+        half = Z95 * self.offset_error
         return {
             "time_offset_s": self.offset_s,
             "time_offset_ci95": [self.offset_s - half, self.offset_s + half],

@@ -10,7 +10,8 @@ from reconcile.catalogue import ALL, freeform
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import above_noise, ahead, by_stretch, noise, without_effects
-from reconcile.filter.point import Point, standard_errors
+from reconcile.filter.point import Z95, Point, standard_errors
+from reconcile.judging.refused import Refused, all_of, hardly_ahead, no_shaft, refused
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
 from reconcile.search.sets import BEHIND, LONG, Key, curved
@@ -20,9 +21,6 @@ MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
-NO_SHAFT = "one of its ends has hardly any inertia"
-LARGER = "it makes the error ahead"
-HARDLY = 5e-3  # of the error ahead: what changes it by less does not show there
 FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -42,7 +40,7 @@ class Judged:
     kinds: Mapping[str, float]
     sets: Sequence[tuple[tuple[str, ...], float]]
     gains: Mapping[Attached, tuple[float, float]]
-    refused: Sequence[Mapping[str, str]]
+    refused: Sequence[Refused]
     errors: Mapping[Key, float] = field(default_factory=dict)
     posterior: Mapping[Key, float] = field(default_factory=dict)
 
@@ -125,7 +123,7 @@ class Judge:
         """
         posterior = _simplest(self.beam)
         weights = Weights(self.beam, posterior)
-        answer, refused = self._earning(weights.first, weights.kinds)
+        answer, down = self._earning(weights.first, weights.kinds)
         if weights.doubted(answer):
             cleaned: dict[Key, float] = {}
             for k, p in weights.posterior.items():
@@ -133,7 +131,7 @@ class Judge:
                 cleaned[kept] = cleaned.get(kept, 0.0) + p
             weights = Weights(self.beam, cleaned)
             answer = weights.first
-            refused = [r for r in refused if r["effect"] not in _names(answer)]
+            down = [r for r in down if r.effect not in _names(answer)]
         doubted = weights.doubted(answer)
         declared = [answer] if answer else []
         if doubted:
@@ -144,11 +142,11 @@ class Judge:
         if doubted and max(nothing, other) > 1.0 - SURE:
             what = "nothing at all" if nothing > other else "a curve that no effect has"
             text = f"{what} is as probable as {max(nothing, other):.2f}"
-            refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
+            down += all_of(answer, text)
             answer, declared = frozenset(), []
         if curved(answer) and (nearest := self.beam.nearest(answer)) and nearest[1] <= 0.0:
             text = "effects explain the recordings as well, where the noise may be larger"
-            refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
+            down += all_of(answer, text)
             answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
         most = UNTRIED if self.beam.cut else 1.0
@@ -159,7 +157,7 @@ class Judge:
             _shown(weights.kinds, most),
             [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
-            refused,
+            down,
             {k: self.ahead(k) for k in self._stretches},
             posterior,
         )
@@ -195,12 +193,12 @@ class Judge:
                     found += [key] if hidden or (own and error < (1.0 + ALIKE) * own) else []
         return found
 
-    def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
+    def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[Refused]]:
         """The set without effects that cannot be meant, or that take too little of the error away.
 
         `kinds`: how probable they are.
         """
-        refused, base = [], ahead(self.core, self.beam.points[frozenset()])
+        down, base = [], ahead(self.core, self.beam.points[frozenset()])
         while key:
             shares = {a: self._shortened(key, a) for a in key}
             unfit = {a: why for a in key if key - {a} in self.beam.points and (why := self._unfit(key, a))}
@@ -210,15 +208,11 @@ class Judge:
                 break
             # two that can stand for each other both take nothing away: the likelier one stays
             worst = max(weak, key=lambda a: self.beam.joint(key - {a}))
-            left, _ = shares[worst]
-            text = _taken(left)
-            refused.append(
-                {"effect": worst.effect.name, "port": worst.port, "because": unfit.get(worst, text)}
-            )
+            down.append(unfit.get(worst) or hardly_ahead(worst, shares[worst][0]))
             key = key - {worst}
         while (limit := _limit(self.beam, key)) is not None:
             key = limit
-        return key, refused
+        return key, down
 
     @staticmethod
     def _little(shortened: tuple[float, float], chance: tuple[float, float], base: float) -> bool:
@@ -260,8 +254,8 @@ class Judge:
         enough = 0.0 if probability > CERTAIN else TOLD
         return gained > max(enough, OF_NATS * whole)
 
-    def _unfit(self, key: Key, a: Attached) -> str:
-        """Why an effect cannot be meant, however likely its set is; "" where nothing says so.
+    def _unfit(self, key: Key, a: Attached) -> Refused | None:
+        """Why an effect cannot be meant, however likely its set is; None where nothing says so.
 
         A shaft with hardly any inertia on one end is none.  The intervals of an effect's amplitudes, of one
         with a gate all intervals, may hold nothing.  What gains much is there all the same: where two
@@ -269,12 +263,12 @@ class Judge:
         """
         point, own = self.beam.points[key], {a.name(q.name): q for q in a.effect.parameters}
         if a.effect.shaft and a.name("share") in point.limited:
-            return NO_SHAFT
+            return no_shaft(a)
         if self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
-            return ""
+            return None
         errors, sizes = standard_errors(point), [n for n, q in own.items() if q.amplitude] or list(own)
-        nothing = all(n in errors and abs(point.values[n]) < 1.96 * errors[n] for n in sizes)
-        return "its interval holds nothing at all" if nothing else ""
+        nothing = all(n in errors and abs(point.values[n]) < Z95 * errors[n] for n in sizes)
+        return refused(a, "its interval holds nothing at all") if nothing else None
 
     def _relieves(self, key: Key, a: Attached) -> bool:
         """Whether a parameter leaves what the model states of it, where the effect is not there."""
@@ -300,15 +294,6 @@ class Judge:
 def _less(without: float, with_it: float) -> tuple[float, float]:
     """The share of an error that is gone, and how much that is."""
     return (without - with_it) / max(without, 1e-12), without - with_it
-
-
-def _taken(share: float) -> str:
-    """What an effect does to the error ahead on confirm."""
-    if abs(share) < HARDLY:
-        return "it hardly shows in data that it was not fitted to"
-    if share < 0.0:
-        return f"{LARGER} {100 * -share:.1f} % larger, on data it was not fitted to"
-    return f"takes {100 * share:.1f} % of the error ahead away, on data it was not fitted to"
 
 
 def _shown(probability: Mapping[str, float], most: float) -> dict[str, float]:

@@ -175,8 +175,7 @@ def _fit(
     other = copy(core)
     other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
     other.kalman = core.kalman.over(other.records)
-    other.fitter = Fitter(other.kalman, core.scored["fit"])
-    other.fitter.noise = core.fitter.noise  # nats count from there
+    other.fitter = Fitter(other.kalman, core.scored["fit"], core.fitter.noise)
     free = [*core.base_free, *core.noise_free, *core.free_of(*present)]
     motion = [f for f in free if not f.of_noise]
     slow = other.fitter.fit(start, present, motion, STEPS, own=True, every=2) if motion else None

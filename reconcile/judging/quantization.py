@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from fmus.definition import Model
+from reconcile.filter.point import Z95
 from reconcile.recordings.data import Run
 from reconcile.recordings.noise import ORDER
 
@@ -68,7 +69,7 @@ class Quantization:
 
     def effect(self, subsystem: str) -> dict[str, Any]:
         """The finding as an entry of the report's effects (nothing is fitted: both gains are null)."""
-        interval = [self.step - 1.96 * self.error, self.step + 1.96 * self.error]
+        interval = [self.step - Z95 * self.error, self.step + Z95 * self.error]
         return {
             "name": NAME,
             "place": "output",

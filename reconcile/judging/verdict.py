@@ -15,7 +15,7 @@ from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
-from reconcile.judging.judge import LARGER, NO_SHAFT, curves
+from reconcile.judging.judge import curves
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -129,7 +129,7 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
 
 def _turned_down(answer: Answer) -> str:
     """The likeliest effects that are not named all the same, and why."""
-    reasons = {r["effect"]: r["because"] for r in answer.judged.refused}
+    reasons = {r.effect: r.because for r in answer.judged.refused}
     last = list(reasons)[-MOST_TURNED_DOWN:]
     if len(last) > 1 and len({reasons[n] for n in last}) == 1:
         return f" Likeliest, but turned down: {words.listed(last)} (each: {reasons[last[0]]})."
@@ -147,9 +147,7 @@ def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
     errs = words.percent(ahead(answer.core, answer.point))
     text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
-    none = {
-        kind_of(r["effect"]) for r in answer.judged.refused if r["because"].startswith((NO_SHAFT, LARGER))
-    }
+    none = {kind_of(r.effect) for r in answer.judged.refused if r.denied}
     sure = next((k for k, p in answer.judged.kinds.items() if p >= SURE and k not in none), None)
     sizes = answer.core.disturbances(answer.beam.points[frozenset()].values)
     worst = max(sizes, key=lambda p: sizes[p])

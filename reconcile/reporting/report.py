@@ -10,7 +10,7 @@ from reconcile.catalogue import freeform
 from reconcile.equations.model import Attached
 from reconcile.errors import holdout, localise
 from reconcile.errors.ahead import horizon_s
-from reconcile.filter.point import own_covariance
+from reconcile.filter.point import Z95, own_covariance
 from reconcile.judging.answer import Answer
 from reconcile.judging.verdict import Verdict, moved_parameters
 from reconcile.recordings.data import Parts
@@ -99,7 +99,7 @@ def _curve(answer: Answer, a: Attached, gaps: dict[str, Any]) -> dict[str, Any]:
     values = answer.point.values
     at, by = freeform.points(values[a.name("middle")], values[a.name("spacing")])
     curve = by @ [values[n] for n in a.free]
-    half = 1.96 * np.sqrt(np.diag(by @ own_covariance(answer.point, a.free) @ by.T))
+    half = Z95 * np.sqrt(np.diag(by @ own_covariance(answer.point, a.free) @ by.T))
     closed = [1.0 - g["after"] / g["reestimated"] for g in gaps.values() if g["reestimated"]]
     return {
         "name": a.effect.name,
@@ -210,9 +210,7 @@ def _considered(answer: Answer) -> list[dict[str, Any]]:
                 "because": because,
             }
         )
-    turned_down = [
-        {"effects": [f"{r['effect']}@{r['port']}"], "because": r["because"]} for r in judged.refused
-    ]
+    turned_down = [{"effects": [f"{r.effect}@{r.port}"], "because": r.because} for r in judged.refused]
     return rows + turned_down
 
 

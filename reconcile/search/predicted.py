@@ -53,6 +53,4 @@ def predicted(core: Core, point: Point) -> Predicted:
 
 
 def _likelihood(core: Core) -> Likelihood:
-    likelihood = Likelihood(core.kalman, core.scored["confirm"])
-    likelihood.noise = core.fitter.noise
-    return likelihood
+    return Likelihood(core.kalman, core.scored["confirm"], core.fitter.noise)

@@ -252,11 +252,11 @@ def test_what_may_be_nothing_or_does_not_shorten_the_error_ahead_is_refused(
 ):
     key = fitted(friction, [FRICTION, "constant_load@v"])
     if not wide:  # as if the interval were narrow
-        monkeypatch.setattr(Judge, "_unfit", lambda self, key, a: "")
+        monkeypatch.setattr(Judge, "_unfit", lambda self, key, a: None)
     kept, refused = Judge(friction)._earning(key, {"friction": 1.0, "load": 0.5})
     assert [a.key for a in kept] == [FRICTION]
-    assert [(r["effect"], r["port"]) for r in refused] == [("constant_load", "v")]
-    assert because in refused[0]["because"]
+    assert [(r.effect, r.port) for r in refused] == [("constant_load", "v")]
+    assert because in refused[0].because
 
 
 # ---------------------------------------------------------------- any pace, any model

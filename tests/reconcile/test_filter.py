@@ -337,8 +337,7 @@ def in_steps(key: str, length: float) -> tuple[Fitter, Attached, dict]:
     kalman = Kalman(folder, (a,), models.recorded(one), ["angle", "rate"])
     scored = np.arange(n) % 100 < 70  # in blocks, as data to fit are
     values = models.noise(kalman, sigma=0.01, out=1e-3) | {"pull": 0.4}
-    fitter = Fitter(kalman, [scored])
-    fitter.noise[:] = 1e-3
+    fitter = Fitter(kalman, [scored], np.full(len(kalman.outputs), 1e-3))
     return fitter, a, values | ({a.name("gate"): 1.0} if a.effect.gated else {})
 
 

@@ -1,5 +1,6 @@
 """Which verdict comes first, and how well what agrees agrees."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ from reconcile.catalogue import Scales
 from reconcile.equations.model import candidates
 from reconcile.filter.point import Free, standard_errors
 from reconcile.judging import answer as answers, judge as judges, mistaken, verdict as verdicts
+from reconcile.judging.refused import Refused, no_shaft
 from reconcile.search.free import LATEST, FreeParameters
 
 
@@ -123,7 +125,7 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
 
 def test_what_was_turned_down_is_said_where_nothing_is_named():
     refused = [
-        {"effect": n, "port": "v", "because": f"takes {k} %"}
+        Refused(n, "v", f"takes {k} %")
         for k, n in enumerate(("stiffness", "viscous_friction", "coulomb_friction", "viscous_friction"))
     ]
     answer: Any = SimpleNamespace(judged=SimpleNamespace(refused=refused))
@@ -131,7 +133,7 @@ def test_what_was_turned_down_is_said_where_nothing_is_named():
     assert said == (
         " Likeliest, but turned down: viscous_friction (takes 3 %) and coulomb_friction (takes 2 %)."
     )
-    answer.judged.refused = [r | {"because": "takes nothing"} for r in refused[:2]]
+    answer.judged.refused = [replace(r, because="takes nothing") for r in refused[:2]]
     said = " Likeliest, but turned down: stiffness and viscous_friction (each: takes nothing)."
     assert verdicts._turned_down(answer) == said
     answer.judged.refused = []
@@ -165,7 +167,8 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
     monkeypatch.setattr(judges, "standard_errors", lambda point: {name: 1.0})
     beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
     beam.loss = {key: 0.0, frozenset(): gained}.__getitem__
-    assert judges.Judge(beam)._unfit(key, friction) == ("its interval holds nothing at all" if idle else "")
+    refused = judges.Judge(beam)._unfit(key, friction)
+    assert (refused.because if refused else "") == ("its interval holds nothing at all" if idle else "")
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -175,4 +178,4 @@ def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
     point = SimpleNamespace(values={name: 0.98}, limited={name} if held else set())
     beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
     beam.loss = {key: 0.0, frozenset(): 500.0}.__getitem__
-    assert judges.Judge(beam)._unfit(key, shaft) == (judges.NO_SHAFT if held else "")
+    assert judges.Judge(beam)._unfit(key, shaft) == (no_shaft(shaft) if held else None)
