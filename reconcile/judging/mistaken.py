@@ -1,4 +1,4 @@
-"""Channels that are not what they are taken for: turned round, or in another unit, as rivals of an answer.
+"""Recordings that are not what they are taken for: readings of them as rivals of an answer.
 
 An effect may make up for a wrong sign, with nonsense for its size: the sign is asked first.
 """
@@ -16,15 +16,15 @@ from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
 from reconcile.judging.answer import Answer
-from reconcile.recordings.data import Block, Parts, Run, Signal
+from reconcile.judging.readings import Reading, asked, inputs, multiplied, relabelled, rescaled, turned
+from reconcile.recordings.data import Block, Parts
 from reconcile.search.core import Core
 from reconcile.search.sets import effects, weighed
-from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
-from reconcile.tolerances import EVIDENT, HALVED, INPUT_GAIN, LOST, MOVED, TURNED, WRONG
+from reconcile.start.units import known_ratios
+from reconcile.tolerances import EVIDENT, HALVED, INPUT_GAIN, LOST, MOVED, TURNED, WORTH, WRONG
 from specs.errors import InputError
 
 STEPS = 15  # of a fit: one that is right gets there soon
-Ratios = dict[str, float]  # by channel what its values are multiplied by
 
 
 def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
@@ -35,18 +35,17 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     errs = ahead(core, core.base)
     if errs < WRONG:
         return ""
-    fitted = ((_fitted(core, ratios, core.fresh, (), errs), ratios) for ratios in _turned(core))
-    tried = [(*f, ratios) for f, ratios in fitted if f and f[1].total < core.base.total]
-    error, point, ratios = min(tried, key=lambda row: row[0], default=(np.inf, core.base, {}))
+    tried = [(*f, reading) for reading in turned(core) if (f := _fitted(core, reading, core.fresh, (), errs))]
+    likelier = [row for row in tried if row[1].total < core.base.total]
+    error, point, found = min(likelier, key=lambda row: row[0], default=(np.inf, core.base, Reading()))
     clear = error < EVIDENT * errs and not _silent(core, error, core.fresh, ())
-    turned = clear or (error < errs and _likelier(core, point))
-    other = [(*_refitted(core, scaled), scaled) for scaled in _rescaled(core, errs)]
+    is_turned = clear or (error < errs and _likelier(core, point))
     # a turned sign may make up for a part of a wrong unit
-    enough = HALVED * error if turned else min(EVIDENT * errs, WRONG)
-    explained = [row for row in other if row[0] < enough and not _boundless(core, row[0], row[2])]
+    enough = HALVED * error if is_turned else min(EVIDENT * errs, WRONG)
+    explained = list(_explained(core, errs, enough))
     if explained:
-        error, _, ratios = min(explained, key=lambda row: row[1])  # parameters as model.py states them
-    return _sentence(core, ratios, errs, error, names or {}) if turned or explained else ""
+        error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
+    return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -60,14 +59,14 @@ def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
         return ""
     least, most = min(ahead(core, answer.point), HALVED * errs), answer.beam.evidence(answer.judged.answer)
     found = None
-    for ratios, present in _rivals(answer, errs):
+    for reading, present in _rivals(answer, errs):
         start = core.fresh | effects(answer.point.values, present)
-        tried = _fitted(core, ratios, start, present, errs)
+        tried = _fitted(core, reading, start, present, errs)
         if tried is None:
             continue
         error, likely = tried[0], weighed(tried[1].evidence, present)
         if error < least and likely > most and not _silent(core, error, start, present):
-            found, least, most = ratios, error, likely
+            found, least, most = reading, error, likely
     return _sentence(core, found, errs, least, names or {}) if found else ""
 
 
@@ -117,63 +116,51 @@ def bounded_effects(answer: Answer) -> str:
     return f"{words.listed(found)}: it may stand for something else." if found else ""
 
 
-def _turned(core: Core) -> list[Ratios]:
-    """Every input turned round, and every axis with all that is its rate."""
-    groups = [[n] for n in _inputs(core)] + turns(core.model, core.outputs)
-    return [dict.fromkeys(group, -1.0) for group in groups]
+def _explained(core: Core, errs: float, enough: float) -> Iterator[tuple[float, float, Reading]]:
+    """Error ahead, nats of parameters and reading, where the model errs less than `enough`.
 
-
-def _rescaled(core: Core, errs: float) -> list[Ratios]:
-    """Every position or speed of an axis in another unit, where no recorded rate of it says which it is.
-
-    Of a model without axes, every state that is recorded.
-
-    An input's gain takes up much of another unit: where there is one, only if the model errs a lot.
+    An input's gain takes up much of another unit: where there is one, only if the model errs a lot.  So does
+    a parameter of another clock, and two channels may go together either way: of these the parameters may
+    lie no farther from those of model.py.
     """
-    if _inputs(core) and errs < LOST:
-        return []
-    units = {v.name: v.unit for v in core.model.outputs}
-    axes, states = core.folder.ports.axes, [v.name for v in core.model.states]
-    moving = {n for a in axes for n in (a.position, a.velocity)} if axes else {*states}
-    shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
-    alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
-    return [{n: ratio} for n in alone if n in shown for ratio in other_units(units[n])]
+    stated = Fitter.prior(core.base.values, core.base_free) + WORTH
+    units = rescaled(core) if errs >= LOST or not inputs(core) else []
+    labels = relabelled(core) if errs >= LOST else []
+    for reading, most in [*((r, np.inf) for r in units), *((r, stated) for r in labels)]:
+        error, nats = _refitted(core, reading)
+        if error < enough and nats < most and not _boundless(core, error, reading):
+            yield error, nats, reading
 
 
-def _inputs(core: Core) -> list[str]:
-    return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
-
-
-def _rivals(answer: Answer, errs: float) -> Iterator[tuple[Ratios, tuple[Attached, ...]]]:
+def _rivals(answer: Answer, errs: float) -> Iterator[tuple[Reading, tuple[Attached, ...]]]:
     """Turned channels, beside all but one of the answer's effects or none; then inputs in other units.
 
     `errs`: error ahead of the model as the channels are.
     """
     less = [tuple(x for x in answer.present if x != a) for a in answer.present]
-    yield from ((ratios, own) for ratios in _turned(answer.core) for own in dict.fromkeys([(), *less]))
+    yield from ((reading, own) for reading in turned(answer.core) for own in dict.fromkeys([(), *less]))
     if errs > LOST:
-        yield from (({n: r}, ()) for n in _inputs(answer.core) for r in known_ratios() if r != -1.0)
+        yield from ((multiplied(r, n), ()) for n in inputs(answer.core) for r in known_ratios() if r != -1.0)
 
 
 def _fitted(
-    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...], errs: float = np.inf
+    core: Core, reading: Reading, start: Values, present: tuple[Attached, ...], errs: float = np.inf
 ) -> tuple[float, Point] | None:
-    """Error ahead and fit of the model with some effects, where channels are multiplied.
+    """Error ahead and fit of the model with some effects, where the recordings are read so.
 
     None where slow motion, fitted first, errs more than `errs`: a channel that is right by then errs less.
     """
     known = core.turned if not present and start == core.fresh else {}
-    key = frozenset(ratios.items())
-    if key not in known:
-        known[key] = _fit(core, ratios, start, present, errs)
-    return known[key]
+    if reading not in known:
+        known[reading] = _fit(core, reading, start, present, errs)
+    return known[reading]
 
 
 def _fit(
-    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...], errs: float
+    core: Core, reading: Reading, start: Values, present: tuple[Attached, ...], errs: float
 ) -> tuple[float, Point] | None:
     other = copy(core)
-    other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
+    other.records = [replace(r, run=reading.of(r.run)) for r in core.records]
     other.kalman = core.kalman.over(other.records)
     other.fitter = Fitter(other.kalman, core.scored["fit"], core.fitter.noise)
     free = [*core.base_free, *core.noise_free, *core.free_of(*present)]
@@ -186,15 +173,15 @@ def _fit(
     return None if point is None else (ahead(other, point), point)
 
 
-def _refitted(core: Core, ratios: Ratios) -> tuple[float, float]:
-    """Error ahead of the base model, fitted anew with all its scales, where outputs are multiplied.
+def _refitted(core: Core, reading: Reading) -> tuple[float, float]:
+    """Error ahead of the base model, fitted anew with all its scales, where the recordings are read so.
 
     And by how many nats its parameters are then beside what model.py states.
     """
-    runs = {id(r): _multiplied(r, ratios) for r in core.runs}
+    runs = {id(r): reading.of(r) for r in core.runs}
 
     def moved(blocks: Sequence[Block]) -> tuple[Block, ...]:
-        return tuple(replace(b, run=runs[id(b.run)]) for b in blocks)
+        return tuple(reading.block(b, runs[id(b.run)]) for b in blocks)
 
     parts = Parts(moved(core.parts.fit), moved(core.parts.confirm), moved(core.parts.holdout))
     try:
@@ -209,47 +196,25 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
 
     A dead zone that takes nearly all of a command leaves a gain at its bound, and turned round it does least.
     """
-    inputs = dict.fromkeys(_inputs(core), 0.0)
-    tried = _fitted(core, inputs, start, present) if inputs else None
+    driven = inputs(core)
+    tried = _fitted(core, multiplied(0.0, *driven), start, present) if driven else None
     return tried is not None and error > HALVED * tried[0]
 
 
-def _boundless(core: Core, error: float, ratios: Ratios) -> bool:
+def _boundless(core: Core, error: float, reading: Reading) -> bool:
     """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told."""
-    return HALVED * _refitted(core, {n: ratio**2 for n, ratio in ratios.items()})[0] < error
+    return reading.again != reading and HALVED * _refitted(core, reading.again)[0] < error
 
 
 def _likelier(core: Core, point: Point) -> bool:
     """Whether turned channels are far likelier than these, and likelier than inputs that do nothing."""
-    silent = _fitted(core, dict.fromkeys(_inputs(core), 0.0), core.fresh, ())
+    silent = _fitted(core, multiplied(0.0, *inputs(core)), core.fresh, ())
     useful = silent is None or point.total < silent[1].total - INPUT_GAIN
     return useful and point.total < core.base.total - TURNED
 
 
-def _multiplied(run: Run, ratios: Ratios) -> Run:
-    def of(signals: Mapping[str, Signal]) -> dict[str, Signal]:
-        return {n: replace(s, values=ratios.get(n, 1.0) * s.values) for n, s in signals.items()}
-
-    return replace(run, inputs=of(run.inputs), outputs=of(run.outputs))
-
-
-def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mapping[str, str]) -> str:
-    theirs = {bare(ours): column for column, ours in names.items()}
-    stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in ratios)
-    both = " and ".join(theirs.get(n, n) for n in ratios)
-    ratio = next(iter(ratios.values()))
-    lines = "; ".join(turned_line(n, names) for n in ratios)
+def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:
     gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
     if words.percent(less) == words.percent(errs):
         gains = "the recordings are far likelier"
-    if ratio != -1.0:
-        what = known_ratios()[ratio]
-        return (
-            f"column {both}: {ratio:.4g} times as large, {gains}: {what}; state its unit in [names] of "
-            f"--map, as in {stated}, or correct model.py"
-        )
-    direction = "" if set(ratios) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
-    return (
-        f"column {both}: with the sign turned, {gains}; write {lines} in [names] of --map, or turn the sign "
-        f"of what depends on it{direction}"
-    )
+    return asked(reading, core, gains, names)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -98,8 +99,8 @@ class Core:
         self.step = {n: max(quantum(r.outputs[n].values) for r in runs) for n in self.outputs}
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
-        # by what channels are multiplied by: error ahead and fit of the model without effects
-        self.turned: dict[frozenset, tuple[float, Point] | None] = {}
+        # by another reading of the recordings: error ahead and fit of the model without effects
+        self.turned: dict[Any, tuple[float, Point] | None] = {}
         self.slow: Point | None = None  # the base model with little noise, as slow motion has it
         self.shown: Point  # the base model whose disturbance holds all that is missing, what is constant too
         self.values = self._first_values()

@@ -12,6 +12,7 @@ from reconcile.filter.kalman import CREEP, NOISES, TAU
 from reconcile.filter.point import Free, standard_errors
 from reconcile.judging import mistaken
 from reconcile.judging.judge import UNTRIED, Judge
+from reconcile.judging.readings import multiplied
 from reconcile.recordings.data import Run, Signal, split
 from reconcile.search import quiet, sets
 from reconcile.search.beam import Beam
@@ -347,7 +348,7 @@ def test_a_sensor_of_magnitudes_is_asked_where_its_output_turns_at_nothing(shown
 
 def test_nats_of_turned_channels_are_those_of_the_model():
     core = Core(models.cooling(), split([cooled(True)], (), ()), ())
-    same = mistaken._fit(core, {"heat": 1.0}, core.fresh, (), np.inf)
+    same = mistaken._fit(core, multiplied(1.0, "heat"), core.fresh, (), np.inf)
     assert same is not None
     assert same[1].total == pytest.approx(core.base.total, abs=0.5)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from reconcile.judging import mistaken
+from reconcile.judging.readings import Reading, asked
 from reconcile.recordings import checks
 from reconcile.recordings.data import read_run, split
 from reconcile.search.core import Core
@@ -189,6 +190,36 @@ def test_an_angle_in_radians_that_is_said_to_be_in_degrees_is_asked_beside_an_in
 
 
 @pytest.mark.parametrize(
+    ("reading", "asked"),
+    [
+        (Reading(clock=1e3), "column clock: 0.001 times as long"),
+        (Reading(clock=1e-3), "column clock: 1000 times as long"),
+        (Reading(exchanged=("torque", "position")), "columns M and q: with one taken for the other"),
+        (Reading(), ""),
+    ],
+)
+def test_a_clock_in_another_unit_and_exchanged_columns_are_asked(
+    tmp_path: Path, reading: Reading, asked: str
+):
+    own = checks.open_folder(str(folder(tmp_path / "model", ROTARY)))
+    names = {"clock": "time", "q": "position [rad]", "M": "torque [N.m]"}
+    r = rig(rows=1600)
+    file = table(tmp_path / "a.csv", {"clock": r["t"], "q": r["q"], "M": r["torque"]})
+    core = Core(own, split([reading.of(run) for run in read_run(file, own, names)], (), ()))
+    said = mistaken.evident(core, names)
+    assert said.startswith(asked)
+    assert bool(said) == bool(asked)
+
+
+def test_what_settles_a_question_about_columns_is_said_in_the_recordings_words():
+    core: Any = SimpleNamespace()
+    names = {"uhr": "time", "M": "torque [N.m]", "q": "position [rad]"}
+    exchanged = Reading(exchanged=("torque", "position"))
+    assert "write 'M' = 'position' and 'q' = 'torque' in [names]" in asked(exchanged, core, "", names)
+    assert "its times are in ms, write 'uhr' = 'time [ms]' in" in asked(Reading(clock=1e-3), core, "", names)
+
+
+@pytest.mark.parametrize(
     ("turned", "silent", "asked"),
     [(-1840.0, -1813.0, True), (-1815.0, -1813.0, False), (60.0, 90.0, False)],
 )
@@ -196,7 +227,7 @@ def test_turned_channels_have_to_be_likelier_than_those_of_now_and_than_no_input
     monkeypatch, turned: float, silent: float, asked: bool
 ):
     core: Any = SimpleNamespace(base=SimpleNamespace(total=148.0), fresh={})
-    monkeypatch.setattr(mistaken, "_inputs", lambda core: ["u"])
+    monkeypatch.setattr(mistaken, "inputs", lambda core: ["u"])
     monkeypatch.setattr(mistaken, "_fitted", lambda *a: (0.1, SimpleNamespace(total=silent)))
     point: Any = SimpleNamespace(total=turned)
     assert mistaken._likelier(core, point) is asked

@@ -1,0 +1,126 @@
+"""Other readings of recordings: channels turned round, in other units or exchanged; another clock."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TypeVar
+
+from reconcile.recordings.data import Block, Run, Signal
+from reconcile.search.core import Core
+from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
+
+Span = TypeVar("Span", Run, Block)
+CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What channels (`ratios`) and the time (`clock`) are multiplied by; two channels that are exchanged."""
+
+    ratios: tuple[tuple[str, float], ...] = ()
+    exchanged: tuple[str, ...] = ()
+    clock: float = 1.0
+
+    @property
+    def again(self) -> "Reading":
+        """The same ratios once more: where they leave as little error, no unit is told."""
+        return Reading(tuple((n, r**2) for n, r in self.ratios), self.exchanged, self.clock**2)
+
+    def of(self, run: Run) -> Run:
+        """The run as it is read so."""
+        ratios, both = dict(self.ratios), {**run.inputs, **run.outputs}
+        other = dict(zip(self.exchanged, reversed(self.exchanged), strict=True))
+        if not set(other) <= set(both):
+            other = {}
+
+        def read(names: Mapping[str, Signal]) -> dict[str, Signal]:
+            taken = {n: both[other.get(n, n)] for n in names}
+            return {n: Signal(self.clock * s.time, ratios.get(n, 1.0) * s.values) for n, s in taken.items()}
+
+        before = self.clock * run.before_s
+        return replace(self._timed(run), before_s=before, inputs=read(run.inputs), outputs=read(run.outputs))
+
+    def block(self, of: Block, run: Run) -> Block:
+        """A block of a `run` that is read so."""
+        return replace(self._timed(of), run=run)
+
+    def _timed(self, span: Span) -> Span:
+        return replace(span, start_s=self.clock * span.start_s, end_s=self.clock * span.end_s)
+
+
+def multiplied(ratio: float, *names: str) -> Reading:
+    """Channels times a ratio."""
+    return Reading(tuple((n, ratio) for n in names))
+
+
+def turned(core: Core) -> list[Reading]:
+    """Every input turned round, and every axis with all that is its rate."""
+    groups = [[n] for n in inputs(core)] + turns(core.model, core.outputs)
+    return [multiplied(-1.0, *group) for group in groups]
+
+
+def rescaled(core: Core) -> list[Reading]:
+    """Every position or speed of an axis in another unit, where no recorded rate of it says which it is.
+
+    Of a model without axes, every state that is recorded.
+    """
+    units = {v.name: v.unit for v in core.model.outputs}
+    axes, states = core.folder.ports.axes, [v.name for v in core.model.states]
+    moving = {n for a in axes for n in (a.position, a.velocity)} if axes else {*states}
+    shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
+    alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
+    return [multiplied(ratio, n) for n in alone if n in shown for ratio in other_units(units[n])]
+
+
+def relabelled(core: Core) -> list[Reading]:
+    """The time in another unit, and every two channels exchanged."""
+    pairs = combinations([*inputs(core), *core.outputs], 2)
+    return [Reading(clock=ratio) for ratio in CLOCKS] + [Reading(exchanged=pair) for pair in pairs]
+
+
+def inputs(core: Core) -> list[str]:
+    """Inputs that are recorded."""
+    return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
+
+
+def asked(reading: Reading, core: Core, gains: str, names: Mapping[str, str]) -> str:
+    """The question whether the recordings are to be read so; `gains`: what that does.
+
+    `names`: the map, {their column: ours}.
+    """
+    theirs = {bare(ours): column for column, ours in names.items()}
+    if reading.exchanged:
+        return _exchanged(reading.exchanged, gains, theirs)
+    if reading.clock != 1.0:
+        return _clocked(reading.clock, gains, theirs)
+    channels = [n for n, _ in reading.ratios]
+    both, ratio = " and ".join(theirs.get(n, n) for n in channels), reading.ratios[0][1]
+    if ratio != -1.0:
+        stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in channels)
+        return (
+            f"column {both}: {ratio:.4g} times as large, {gains}: {known_ratios()[ratio]}; state its unit in "
+            f"[names] of --map, as in {stated}, or correct model.py"
+        )
+    lines = "; ".join(turned_line(n, names) for n in channels)
+    direction = "" if set(channels) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
+    return (
+        f"column {both}: with the sign turned, {gains}; write {lines} in [names] of --map, or turn the sign "
+        f"of what depends on it{direction}"
+    )
+
+
+def _exchanged(pair: tuple[str, ...], gains: str, theirs: Mapping[str, str]) -> str:
+    a, b = pair
+    one, other = theirs.get(a, a), theirs.get(b, b)
+    return (
+        f"columns {one} and {other}: with one taken for the other, {gains}; if they were exchanged, write "
+        f"'{one}' = '{b}' and '{other}' = '{a}' in [names] of --map, or correct model.py"
+    )
+
+
+def _clocked(ratio: float, gains: str, theirs: Mapping[str, str]) -> str:
+    column = theirs.get("time", "time")
+    return (
+        f"column {column}: {ratio:.4g} times as long, {gains}; if its times are in {CLOCKS[ratio]}, write "
+        f"'{column}' = 'time [{CLOCKS[ratio]}]' in [names] of --map, or correct model.py"
+    )
