@@ -72,10 +72,10 @@ def best(bench: Bench, points: Sequence[Point], judge: Judge, enough: float, rep
 
 
 def _short(bench: Bench, r: Rated, points: Sequence[Point], judge: Judge, enough: float) -> Rated:
-    """The excitation, as short as still tells by PLENTY what it tells at all."""
+    """The excitation, as short as tells all of that by PLENTY, and no shorter than its period."""
     told = tellable([r], enough)
     for seconds in (share * bench.duration_s for share in SHORTER):
-        if seconds < r.excitation.duration_s:
+        if r.excitation.period_s <= seconds < r.excitation.duration_s:
             for shorter in _rate(bench, replace(r.excitation, duration_s=seconds), points, judge):
                 if np.min(shorter.margins[told]) >= PLENTY * enough:
                     return shorter
