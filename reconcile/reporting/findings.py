@@ -11,7 +11,8 @@ from reconcile.errors.holdout import Trace
 from reconcile.errors.localise import Located, locate
 from reconcile.errors.regimes import Regime
 from reconcile.judging.answer import Answer
-from reconcile.search.core import Core, Floor
+from reconcile.search.core import Core
+from reconcile.search.sizes import Floor
 
 STAGES = ("nominal", "reestimated", "after")
 MOST_REGIMES = 4

@@ -1,18 +1,15 @@
 """The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect, Scales, freeform
 from reconcile.catalogue.offset import NAME as OFFSET
-from reconcile.equations import motion, sites
-from reconcile.equations.model import ALL_OUTPUTS, Attached, Folder, candidates
-from reconcile.equations.ports import Axis
+from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.equations.reach import Reach
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import CORRELATED, CREEP, NOISE, NOISES, SIGMA, TAU, WHITE, Kalman, Values
@@ -20,19 +17,10 @@ from reconcile.filter.point import Free, Point
 from reconcile.filter.record import Record, records
 from reconcile.recordings import ends
 from reconcile.recordings.data import Parts, Run, still
-from reconcile.recordings.noise import high_pass_level, quantum
 from reconcile.search.free import FreeParameters, stated
+from reconcile.search.sizes import Floor, Sizes
 from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
-
-
-@dataclass(frozen=True)
-class Floor:
-    """Noise level of an output and where it is from."""
-
-    level: float
-    source: str
-
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
 STEPPED_NATS = 5.0  # the same of all nats: an effect that stands for errors of the steps would gain as much …
@@ -84,7 +72,6 @@ class Core:
         self.curves = [a for a in found if a.effect.over]
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
-        self.duration_s = max(r.end_s - r.start_s for r in runs)
         lasting = self.outputs if correlated else ()
         self.kalman = Kalman(folder, found, self.records, self.outputs, lasting)
         self.scored = {
@@ -93,11 +80,9 @@ class Core:
         }
         self.fitter = Fitter(self.kalman, self.scored["fit"])
         self.period = self.fitter.period
-        self.spread = {
-            n: float(np.std(np.concatenate([r.outputs[n].values for r in runs]))) or 1.0 for n in self.outputs
-        }
-        self.step = {n: max(quantum(r.outputs[n].values) for r in runs) for n in self.outputs}
-        self.kalman.scale = self._state_scale()
+        self.sizes = Sizes(self.kalman, runs, self.period)
+        self.spread, self.memory_s = self.sizes.spread, self.sizes.memory_s
+        self.kalman.scale = self.sizes.states()
         self.scales: dict[str, Scales] = {}
         # by another reading of the recordings: error ahead and fit of the model without effects
         self.turned: dict[Any, tuple[float, Point] | None] = {}
@@ -126,36 +111,6 @@ class Core:
 
     # ---------------------------------------------------------------- sizes
 
-    def _memory_s(self, name: str) -> float:
-        """Time (s) over which an output forgets half of where it was."""
-        found = []
-        for r in self.runs:
-            s = r.outputs[name]
-            v = s.values - np.mean(s.values)
-            if len(v) > 8 and np.any(v):
-                f = np.fft.rfft(v, 2 * len(v))
-                c = np.fft.irfft(np.abs(f) ** 2)[: len(v)]
-                below = np.flatnonzero(c < 0.5 * c[0])
-                found.append(float(s.period_s * (below[0] if len(below) else len(v))))
-        return float(np.median(found)) if found else 1.0
-
-    def _state_scale(self) -> np.ndarray:
-        """Sizes of states: of outputs that show them, of their rates by the time in which these forget."""
-        model, scale = self.model, np.array([v.nominal or 0.0 for v in self.model.states])
-        shown = {i: n for i, n, _ in self.kalman.shown}
-        for i, n in shown.items():
-            scale[i] = max(self.spread[n], 1e-12)
-        self.memory_s = min(self._memory_s(n) for n in self.outputs)
-        for axis in self.folder.ports.axes:
-            v = model.index("states", axis.velocity)
-            q = model.index("states", axis.position) if axis.position else None
-            if v not in shown and q in shown:
-                scale[v] = scale[q] / self._memory_s(shown[q])
-            elif q is not None and q not in shown and v in shown:
-                scale[q] = scale[v] * self._memory_s(shown[v])
-        start = np.abs(np.asarray(model.x0(np.array([p.start for p in model.parameters]))).ravel())
-        return np.where(scale > 0.0, scale, np.maximum(start, 1.0))
-
     def _first_values(self) -> Values:
         """All effects absent, noise by what the recordings show, disturbances of a tenth of the motion."""
         kalman = self.kalman
@@ -169,9 +124,8 @@ class Core:
             }
         self.floor = {n: self.share * self.spread[n] for n in self.outputs}
         for n in self.outputs:
-            seen = float(np.sqrt(np.mean([high_pass_level(r.outputs[n].values) ** 2 for r in self.runs])))
-            self.floor[n] = max(self.floor[n], self.step[n] / np.sqrt(12.0))
-            values[NOISE + n] = max(seen, self.floor[n])
+            self.floor[n] = max(self.floor[n], self.sizes.step[n] / np.sqrt(12.0))
+            values[NOISE + n] = max(self.sizes.noise(n), self.floor[n])
         for n in kalman.correlated:
             values |= {SIGMA + CORRELATED + n: values[NOISE + n], TAU + CORRELATED + n: 5.0 * self.period}
         self.fitter.noise = np.array([values[NOISE + n] for n in self.outputs])
@@ -203,10 +157,10 @@ class Core:
                     return
             before = found
 
-    @cached_property
+    @property
     def floors(self) -> dict[str, Floor]:
-        """Noise of every output: the sensor's specification, unless the recording is noisier than that."""
-        return {n: _floor(self.model, n, self.runs, self.step[n]) for n in self.outputs}
+        """Noise of every output, as its sensor or the recording has it."""
+        return self.sizes.floors
 
     def mean(self, output: str) -> float:
         """Of what the recordings show of an output."""
@@ -301,62 +255,12 @@ class Core:
         run = self.kalman.run(self.values, (), states=True)
         if run is None:
             raise InputError(self._runs_away())
-        n = len(self.model.states)
-        z = np.vstack([f.z[:, :n] for f in run])
-        fast = [
-            np.diff(f.z[:, :n], axis=0) / np.diff(r.time)[:, None]
-            for f, r in zip(run, self.records, strict=True)
-        ]
-        period, memory, ports = self.period, self.memory_s, self.folder.ports
-        found = {ALL_OUTPUTS: Scales(period_s=period, memory_s=memory)}
-        for name in [v.name for v in self.model.inputs]:
-            values = np.concatenate(
-                [r.inputs[name].values for r in self.runs if name in r.inputs] or [np.ones(1)]
-            )
-            size = float(np.max(np.abs(values))) or 1.0
-            found[name] = Scales(u=size, period_s=period, memory_s=memory, duration_s=self.duration_s)
-        for name in self.outputs:
-            values = np.concatenate([r.outputs[name].values for r in self.runs])
-            size = float(np.max(np.abs(values))) or 1.0
-            found[name] = Scales(y=size, step=self.step[name], period_s=period, memory_s=memory)
-        found |= {
-            n: replace(x, memory_s=memory)
-            for n, x in sites.scales(self.model, ports, z, self.runs, period).items()
-        }
-        units = {v.name: v.unit for v in self.model.states}
-        for axis in ports.axes:
-            i = self.model.index("states", axis.velocity)
-            v, a = z[:, i], np.vstack(fast)[:, i]
-            q = z[:, self.model.index("states", axis.position)] if axis.position else np.array([-1.0, 1.0])
-            inertia = self.kalman.whole.inertia(axis)
-            size = float(np.sqrt(np.mean(np.clip(a, *np.quantile(a, [0.02, 0.98])) ** 2)))
-            found[axis.name] = Scales(
-                v=float(np.quantile(np.abs(v), 0.98)) or 1.0,
-                q=float(np.max(np.abs(q))) or 1.0,
-                q_low=float(np.min(q)),
-                q_high=float(np.max(q)) if np.ptp(q) > 0 else float(np.min(q)) + 1.0,
-                angular=units.get(axis.position or "") == "rad",
-                inertia=inertia,
-                f=inertia * size or 1.0,
-                drive=inertia * self._by_inputs(axis, np.mean(z, axis=0), found),
-                period_s=period,
-                memory_s=memory,
-            )
-        self.scales = found
+        self.scales = found = self.sizes.scales(run)
         self.kalman.sizes = {
             n: (s.u, s.y) if n in self.outputs or n in [v.name for v in self.model.inputs] else (s.q, s.v)
             for n, s in found.items()
         }
         self.values |= self._absent()
-
-    def _by_inputs(self, axis: Axis, x: np.ndarray, scales: Mapping[str, Scales]) -> float:
-        """Acceleration of an axis by the largest of the inputs, one by one, around a state."""
-        p = np.array([v.start for v in self.model.parameters])  # as the inertia is
-        found = []
-        for k, v in enumerate(self.model.inputs):
-            u = scales[v.name].u * np.eye(len(self.model.inputs))[k]
-            found.append(abs(motion.by_inputs(self.model, axis, x, u, self.kalman.modes[0][0], p)))
-        return max((a for a in found if np.isfinite(a)), default=0.0)
 
     def _absent(self) -> Values:
         """All effects absent: amplitudes and gates at nothing, shapes at their first start."""
@@ -422,7 +326,7 @@ class Core:
 
     @cached_property
     def _free(self) -> FreeParameters:
-        return FreeParameters(self.folder, self.duration_s, self.memory_s)
+        return FreeParameters(self.folder, self.sizes.duration_s, self.memory_s)
 
 
 def unique(runs: Sequence[Run]) -> list[Run]:
@@ -432,18 +336,6 @@ def unique(runs: Sequence[Run]) -> list[Run]:
 
 def _switches(runs: Sequence[Run], name: str) -> bool:
     return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
-
-
-def _floor(model: Model, name: str, runs: Sequence[Run], step: float) -> Floor:
-    values = [r.outputs[name].values for r in runs if name in r.outputs]
-    seen = float(np.sqrt(np.mean([high_pass_level(v) ** 2 for v in values])))
-    seen = max(seen, step / np.sqrt(12.0), 1e-7 * max(float(np.max(np.abs(v))) for v in values))
-    sensor = model.sensors.get(name)
-    if sensor and sensor.noise:
-        start = next(p.start for p in model.parameters if p.name == sensor.noise)
-        if start > 0 and seen < 1.5 * start:
-            return Floor(float(np.hypot(start, step / np.sqrt(12.0))), "sensor specification")
-    return Floor(seen, "high-pass estimate")
 
 
 def _width(a: Attached, s: Scales) -> float:
