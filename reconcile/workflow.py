@@ -92,8 +92,7 @@ def reconcile(
         with target.staged(out) as part:
             if not report_only and _extended(figures):
                 steps = quantization.steps(figures)
-                built = _build(reports.write_model(answer, part / MODEL, steps), part)
-                figures["model"] = {"folder": MODEL, "fmu": built}
+                figures["model"] = _built(reports.write_model(answer, part / MODEL, steps), part)
             if proposal and proposal.commands:
                 plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
             if not report_only:
@@ -277,11 +276,8 @@ def _system(
         for found in [] if report_only else extended:
             folder = part / MODEL / found.part.name
             steps = quantization.steps(found.figures)
-            built = _build(reports.write_model(found.answer, folder, steps), part)
-            figures.setdefault("model", {"folder": MODEL, "parts": {}})["parts"][found.part.name] = {
-                "folder": f"{MODEL}/{found.part.name}",
-                "fmu": built,
-            }
+            parts = figures.setdefault("model", {"folder": MODEL, "parts": {}})["parts"]
+            parts[found.part.name] = _built(reports.write_model(found.answer, folder, steps), part)
         if doubt and doubt[1].commands:
             plan.write_for(part, doubt[1], doubt[0].folder, [p for paths in given for p in paths])
         if not report_only:
@@ -379,11 +375,16 @@ def _extended(figures: dict[str, Any]) -> bool:
     return bool(figures["effects"] or figures["reestimated"] or figures.get("free_form"))
 
 
-def _build(folder: Path, out: Path) -> str:
+def _built(folder: Path, out: Path) -> dict[str, Any]:
+    """The extended model in the report; its FMU, or why there is none."""
+    from fmus.toolchain import codegen
     from fmus.toolchain.build import build_fmu
+    from fmus.toolchain.loader import load_model
 
-    built = build_fmu(folder, 2, out=folder)
-    return str(built.relative_to(out))
+    there = {"folder": str(folder.relative_to(out))}
+    if why := codegen.feedthrough(load_model(folder)):
+        return there | {"fmu": None, "because": why}
+    return there | {"fmu": str(build_fmu(folder, 2, out=folder).relative_to(out))}
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:

@@ -92,16 +92,25 @@ def whole(duration: float, step: float, what: str) -> int:
     return round(duration / step)
 
 
-def check_no_feedthrough(model: Model) -> None:
-    """No output may depend on an input at the same instant, except held sensors of continuous models."""
+def feedthrough(model: Model) -> str:
+    """Which output depends on an input at the same instant; "" if none does.
+
+    Held sensors of continuous models may.
+    """
     x, u, m, p = model.symbols
     pattern = ca.jacobian_sparsity(model.h(x, u, m, p), u) if model.inputs else None
-    if pattern is None:
-        return
-    for row, column in zip(pattern.row(), pattern.get_col(), strict=True):
+    for row, column in zip(pattern.row(), pattern.get_col(), strict=True) if pattern is not None else ():
         output, source = model.outputs[row].name, model.inputs[column].name
         if model.kind == "discrete" or output not in model.sensors:
-            raise InputError(f"model {model.name}: output {output} feeds input {source} straight through")
+            return f"output {output} depends on input {source} at the same instant"
+    return ""
+
+
+def check_no_feedthrough(model: Model) -> None:
+    """Raises InputError for a model of which no FMU can be built."""
+    if found := feedthrough(model):
+        held = "" if model.kind == "discrete" else "; among the model's sensors it would be sampled and held"
+        raise InputError(f"model {model.name}: {found}{held}")
 
 
 def _functions(model: Model) -> list[ca.Function]:

@@ -33,10 +33,14 @@ def tables(figures: dict[str, Any]) -> Iterator[tuple[str, Sequence[str], Sequen
 
 
 def lines(figures: dict[str, Any]) -> Iterator[str]:
-    """What was mended, where the gap is, and the verdict."""
+    """What was mended, where the gap is, an FMU that could not be built, and the verdict."""
     yield from recording_notes(figures)
     for w in figures["where"][:MOST]:
         yield f"where: {w['signal']}, {w['regime']} ({w['share']:.0%} of the gap)"
+    extended = figures.get("model") or {}
+    for model in extended.get("parts", {"": extended}).values():
+        if "because" in model:
+            yield f"{model['folder']} has no FMU: {model['because']}"
     yield f"{figures['verdict']}: {figures['sentence']}"
 
 

@@ -1,9 +1,12 @@
 """What `slewright reconcile` says on the console beside the tables."""
 
+from pathlib import Path
+
 import numpy as np
 
+from reconcile import workflow
 from reconcile.judging import unidentifiable
-from reconcile.reporting.terminal import recording_notes, tables
+from reconcile.reporting.terminal import lines, recording_notes, tables
 from slewright import __main__ as entry
 from tests.reconcile import models
 
@@ -59,3 +62,28 @@ def test_that_no_force_is_looked_for_is_said_in_one_sentence():
     assert "no friction, spring or load is looked for" in said
     assert "declare PORTS in model.py" in said
     assert not recording_notes({"nuisances": {}, "untold": []})
+
+
+def test_a_model_whose_output_follows_an_input_at_once_is_extended_without_an_fmu(tmp_path: Path):
+    """The current of a motor by its voltage: everything else that was found is there all the same."""
+    text = """
+from fmus.definition import Model, Variable
+
+MODEL = Model(
+    name="motor", description="A motor", kind="continuous", step=0.01,
+    states=(Variable("w", "rad/s"),), inputs=(Variable("u", "V"),), outputs=(Variable("i", "A"),),
+    parameters=(Variable("R", "Ohm", start=8.0),),
+    rhs=lambda x, u, m, p: {"w": u.u - x.w}, out=lambda x, u, m, p: {"i": (u.u - x.w) / p.R},
+)
+"""
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "model.py").write_text(text, encoding="utf-8")
+    built = workflow._built(tmp_path / "model", tmp_path)
+    because = "output i depends on input u at the same instant"
+    assert built == {"folder": "model", "fmu": None, "because": because}
+    figures = {"nuisances": {}, "where": [], "verdict": "named", "sentence": "It lacks friction."}
+    assert list(lines(figures | {"model": built})) == [
+        f"model has no FMU: {because}",
+        "named: It lacks friction.",
+    ]
+    assert list(lines(figures)) == ["named: It lacks friction."]
