@@ -276,8 +276,8 @@ def _system(
         for found in [] if report_only else extended:
             folder = part / MODEL / found.part.name
             steps = quantization.steps(found.figures)
-            parts = figures.setdefault("model", {"folder": MODEL, "parts": {}})["parts"]
-            parts[found.part.name] = _built(reports.write_model(found.answer, folder, steps), part)
+            built = figures.setdefault("model", {"folder": MODEL, "parts": {}})["parts"]
+            built[found.part.name] = _built(reports.write_model(found.answer, folder, steps), part)
         if doubt and doubt[1].commands:
             plan.write_for(part, doubt[1], doubt[0].folder, [p for paths in given for p in paths])
         if not report_only:
