@@ -10,13 +10,14 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import without_effects
+from reconcile.errors.ahead import ahead, noise, without_effects
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Z95, Point, standard_errors
 from reconcile.judging.judge import Judged
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import Key
+from reconcile.tolerances import SHORTENED
 
 FAR, TINY = 8.0, 1e-12  # standard errors within which a value certainly lies; a share of it that is nothing
 
@@ -36,8 +37,17 @@ class Answer:
 
     @cached_property
     def base(self) -> Point:
-        """The model without effects, fitted; where none is named, that is the answer."""
-        return self.core.base if self.judged.answer else without_effects(self.core)
+        """The model without effects, fitted; where none is named, that is the answer.
+
+        That is the model as it came, where it errs less on what nothing was fitted to: a disturbance that is
+        large has bent the parameters then.
+        """
+        if self.judged.answer:
+            return self.core.base
+        fitted, came = without_effects(self.core), self.core.nominal()
+        errs = ahead(self.core, fitted)
+        bent = errs > noise(self.core, fitted) and ahead(self.core, came) < (1.0 - SHORTENED) * errs
+        return came if bent else fitted
 
     @property
     def present(self) -> tuple[Attached, ...]:

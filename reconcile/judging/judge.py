@@ -140,8 +140,8 @@ class Judge:
         declared = [k for k in declared if k == answer or not (curved(k) or curved(answer))]
         nothing, other = weights.by_names.get((), 0.0), curves(weights.posterior, answer)
         if doubted and max(nothing, other) > 1.0 - SURE:
-            what = "nothing at all" if nothing > other else "a curve that no effect has"
-            text = f"{what} is as probable as {max(nothing, other):.2f}"
+            what = "a disturbance of no effect's form" if nothing > other else "a curve that no effect has"
+            text = f"with a probability of {max(nothing, other):.2f} it is {what}"
             down += all_of(answer, text)
             answer, declared = frozenset(), []
         if curved(answer) and (nearest := self.beam.nearest(answer)) and nearest[1] <= 0.0:

@@ -125,8 +125,7 @@ def _explained(core: Core, errs: float, enough: float) -> Iterator[tuple[float, 
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
     units = rescaled(core) if errs >= LOST or not inputs(core) else []
-    labels = relabelled(core) if errs >= LOST else []
-    for reading, most in [*((r, np.inf) for r in units), *((r, stated) for r in labels)]:
+    for reading, most in [*((r, np.inf) for r in units), *((r, stated) for r in relabelled(core))]:
         error, nats = _refitted(core, reading)
         if error < enough and nats < most and not _boundless(core, error, reading):
             yield error, nats, reading
@@ -202,7 +201,13 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
 
 
 def _boundless(core: Core, error: float, reading: Reading) -> bool:
-    """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told."""
+    """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told.
+
+    A small swing is the same in any smaller unit, but degrees are what it is in.
+    """
+    units = {v.name: v.unit for v in core.model.outputs}
+    if any(units.get(n) == "rad" and ratio < 1.0 for n, ratio in reading.ratios):
+        return False
     return reading.again != reading and HALVED * _refitted(core, reading.again)[0] < error
 
 

@@ -10,32 +10,40 @@ from reconcile.search.core import Core
 from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
 
 Span = TypeVar("Span", Run, Block)
+ZERO = 273.15  # K, of degC
 CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What channels (`ratios`) and the time (`clock`) are multiplied by; two channels that are exchanged."""
+    """What channels (`ratios`) and the time (`clock`) are multiplied by; two channels that are exchanged.
+
+    `added`: to some channels, for a zero that is elsewhere.
+    """
 
     ratios: tuple[tuple[str, float], ...] = ()
     exchanged: tuple[str, ...] = ()
     clock: float = 1.0
+    added: tuple[tuple[str, float], ...] = ()
 
     @property
     def again(self) -> "Reading":
         """The same ratios once more: where they leave as little error, no unit is told."""
-        return Reading(tuple((n, r**2) for n, r in self.ratios), self.exchanged, self.clock**2)
+        return Reading(tuple((n, r**2) for n, r in self.ratios), self.exchanged, self.clock**2, self.added)
 
     def of(self, run: Run) -> Run:
         """The run as it is read so."""
-        ratios, both = dict(self.ratios), {**run.inputs, **run.outputs}
+        ratios, added, both = dict(self.ratios), dict(self.added), {**run.inputs, **run.outputs}
         other = dict(zip(self.exchanged, reversed(self.exchanged), strict=True))
         if not set(other) <= set(both):
             other = {}
 
         def read(names: Mapping[str, Signal]) -> dict[str, Signal]:
             taken = {n: both[other.get(n, n)] for n in names}
-            return {n: Signal(self.clock * s.time, ratios.get(n, 1.0) * s.values) for n, s in taken.items()}
+            return {
+                n: Signal(self.clock * s.time, ratios.get(n, 1.0) * s.values + added.get(n, 0.0))
+                for n, s in taken.items()
+            }
 
         before = self.clock * run.before_s
         return replace(self._timed(run), before_s=before, inputs=read(run.inputs), outputs=read(run.outputs))
@@ -73,9 +81,13 @@ def rescaled(core: Core) -> list[Reading]:
 
 
 def relabelled(core: Core) -> list[Reading]:
-    """The time in another unit, and every two channels exchanged."""
+    """The time in another unit, every two channels exchanged, temperatures from another zero."""
     pairs = combinations([*inputs(core), *core.outputs], 2)
-    return [Reading(clock=ratio) for ratio in CLOCKS] + [Reading(exchanged=pair) for pair in pairs]
+    units = {v.name: v.unit for v in core.model.outputs}
+    warm = [n for n in core.outputs if units[n] in ("K", "degC")]
+    zeros = [tuple((n, zero) for n in warm) for zero in (ZERO, -ZERO) if warm]
+    others = [Reading(exchanged=pair) for pair in pairs] + [Reading(added=added) for added in zeros]
+    return [Reading(clock=ratio) for ratio in CLOCKS] + others
 
 
 def inputs(core: Core) -> list[str]:
@@ -93,14 +105,15 @@ def asked(reading: Reading, core: Core, gains: str, names: Mapping[str, str]) ->
         return _exchanged(reading.exchanged, gains, theirs)
     if reading.clock != 1.0:
         return _clocked(reading.clock, gains, theirs)
-    channels = [n for n, _ in reading.ratios]
-    both, ratio = " and ".join(theirs.get(n, n) for n in channels), reading.ratios[0][1]
+    channels = [n for n, _ in reading.ratios or reading.added]
+    both = " and ".join(theirs.get(n, n) for n in channels)
+    stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in channels)
+    state = f"state its unit in [names] of --map, as in {stated}, or correct model.py"
+    if reading.added:
+        return f"column {both}: with {reading.added[0][1]:+g}, {gains}: degC against K; {state}"
+    ratio = reading.ratios[0][1]
     if ratio != -1.0:
-        stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in channels)
-        return (
-            f"column {both}: {ratio:.4g} times as large, {gains}: {known_ratios()[ratio]}; state its unit in "
-            f"[names] of --map, as in {stated}, or correct model.py"
-        )
+        return f"column {both}: {ratio:.4g} times as large, {gains}: {known_ratios()[ratio]}; {state}"
     lines = "; ".join(turned_line(n, names) for n in channels)
     direction = "" if set(channels) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
     return (

@@ -20,6 +20,7 @@ from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
 MOST_TURNED_DOWN = 2  # effects in a sentence
+LIKELY = 0.5  # probability of an effect, from which it is not said that none explains anything
 OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
 
 
@@ -48,13 +49,19 @@ def moved_parameters(answer: Answer) -> dict[str, dict[str, Any]]:
     return found
 
 
-def unmoved(core: Core) -> list[str]:
-    """Outputs that do not move, and inputs that do not."""
+def still_outputs(core: Core) -> list[str]:
+    """Outputs that do not move, said."""
     found = []
     for name in core.outputs:
         values = [b.run.outputs[name].values for b in core.parts.fit]
         if max(float(np.std(v)) for v in values) < SEEN * core.floors[name].level:
             found.append(f"output {name} moves by less than {SEEN:g} times its noise")
+    return found
+
+
+def still_inputs(core: Core) -> list[str]:
+    """Inputs that do not move, said."""
+    found = []
     for name in core.folder.ports.controls:
         values = [b.run.inputs[name].values for b in core.parts.fit if name in b.run.inputs]
         if values and max(float(np.ptp(v)) for v in values) == 0.0:
@@ -114,12 +121,14 @@ def _nearest(answer: Answer) -> str:
 def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
     """Verdict and sentence where no effect is named."""
     core, point = answer.core, answer.point
-    if missing := unmoved(core):
+    known = core.known(point)
+    told = any(k < KNOWN for k in known.values())
+    # what falls from where it is, or rises to where an input holds it, tells its parameters too
+    if missing := still_outputs(core) + ([] if told else still_inputs(core)):
         return "insufficient_excitation", f"Too little excitation: {'; '.join(missing)}."
     if left == "unexplained":
         return "unexplained", _unexplained(answer)
-    known = core.known(point)
-    if known and not any(k < KNOWN for k in known.values()) and (alone := _alone(core, known)):
+    if known and not told and (alone := _alone(core, known)):
         return "insufficient_excitation", f"Too little excitation: nothing tells {', '.join(alone)}."
     if moved := moved_parameters(answer):
         return "reestimated", f"The model fits with other values of {', '.join(moved)}."
@@ -146,15 +155,16 @@ def _alone(core: Core, names: Iterable[str]) -> list[str]:
 def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
     errs = words.percent(ahead(answer.core, answer.point))
-    text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
     none = {kind_of(r.effect) for r in answer.judged.refused if r.denied}
     sure = next((k for k, p in answer.judged.kinds.items() if p >= SURE and k not in none), None)
     sizes = answer.core.disturbances(answer.beam.points[frozenset()].values)
     worst = max(sizes, key=lambda p: sizes[p])
     size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"
     where = f"; what is missing acts at '{worst}', with {size} the forces there"
-    kind = f"; its kind is sure: {sure}" if sure else ""
-    return f"{text}{where}{kind}."
+    explains = f"its kind is sure, {sure}, but no effect of it" if sure else "no effect explains it"
+    if not sure and max(answer.judged.probability.values(), default=0.0) > LIKELY:
+        explains = "no effect is sure to explain it"
+    return f"The model errs by {errs} of the outputs' motion over its own time, and {explains}{where}."
 
 
 def _pairs(present: Iterable[Attached]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""Sensors at an end of their range, and such as show magnitudes: what their values alone say of it."""
+"""What the values of a signal alone say: an end of its sensor's range, magnitudes, whether it turns round."""
 
 import numpy as np
 
@@ -30,6 +30,13 @@ def turns_at_nothing(values: np.ndarray) -> bool:
     size = np.abs(values)
     gaps = np.diff(np.flatnonzero(size >= LITTLE * np.quantile(size, 0.98)))  # 1: both are far from nothing
     return bool(np.any((gaps > 1) & (gaps < BRIEF * len(size) + 2)))
+
+
+def turns_round(values: np.ndarray) -> bool:
+    """Whether a signal [n] goes up and down, by more than little of its range: else no play in it shows."""
+    little = LITTLE * np.ptp(values)
+    down, up = np.maximum.accumulate(values) - values, values - np.minimum.accumulate(values)
+    return bool(np.max(down) > little and np.max(up) > little)
 
 
 def _longest(row: np.ndarray) -> int:

@@ -11,7 +11,7 @@ LACKS = ("is not recorded", "does not change")  # how a reason ends that another
 
 
 def tables(figures: dict[str, Any]) -> Iterator[tuple[str, Sequence[str], Sequence[Sequence[object]]]]:
-    """Title, columns and rows: the effects, curves that none has the form of, and the gap of each signal."""
+    """Title, columns, rows: effects, curves of no effect's form, parameters that moved, each signal's gap."""
     rows = [
         (e["name"], e["port"], e["verdict"], name, f"{v['value']:.5g}", v["unit"], _interval(v["ci95"]))
         for e in figures["effects"]
@@ -24,6 +24,12 @@ def tables(figures: dict[str, Any]) -> Iterator[tuple[str, Sequence[str], Sequen
         points = [(f"{p['at']:.4g}", f"{p['value']:.4g}", _interval(p["ci95"])) for p in curve["points"]]
         said = curve["terms"][0]
         yield f"{said[0].upper()}{said[1:]}: {curve['equation']}", head, points
+    moved = [
+        (name, f"{v['old']:.5g}", f"{v['new']:.5g}", v["unit"], _interval(v["ci95"]))
+        for name, v in (figures.get("reestimated") or {}).items()
+    ]
+    if moved:
+        yield "Parameters with other values", ["parameter", "as it came", "now", "unit", "95 %"], moved
     gaps = [
         (name, g["unit"], *(_number(g[k]) for k in ("floor", "nominal", "reestimated", "after")), _closed(g))
         for name, g in figures["gap"].items()

@@ -31,7 +31,12 @@ QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 # of an axis's speed, by which dry friction gives way at standstill: least, usual, and what no friction does
 CREEPS = (1e-7, 3e-4, 0.1)
 LOUDER = 3.0  # times the disturbance of the model without effects: a fit on its way may need more than that
-MAGNITUDE = "absolute_value_sensor"
+# effects that show only in a signal that does that
+SHOWN_BY = {
+    "absolute_value_sensor": ends.turns_at_nothing,
+    "sensor_backlash": ends.turns_round,
+    "input_backlash": ends.turns_round,
+}
 OF_MEMORY = 0.5  # of the time in which the outputs forget, that their noise may last
 CLOSING = 0.1  # of a gear's gap, over which it closes: where it closes at once, fits do not find its gap
 # times in which the outputs forget, that a disturbance may remember: where what is missing is looked at, and
@@ -66,8 +71,7 @@ class Core:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
         constant = still(runs, [v.name for v in self.model.inputs])
         found = candidates(folder, sorted(recorded), (*catalogue, *freeform.FORMS), constant=constant)
-        turned = {n for r in runs for n, s in r.outputs.items() if ends.turns_at_nothing(s.values)}
-        found = [a for a in found if a.effect.name != MAGNITUDE or a.port in turned]
+        found = [a for a in found if _shows(a, runs)]
         self.candidates = [a for a in found if not a.effect.over]
         self.curves = [a for a in found if a.effect.over]
         self.records = records(runs, blocks, MOST_SAMPLES)
@@ -193,7 +197,7 @@ class Core:
         moved = {f.name: self.slow.values[f.name] for f in self.slow.free} if self.slow else {}
         return self.fresh | moved
 
-    def nominal(self) -> Point | None:
+    def nominal(self) -> Point:
         """The model as it came, with the noise that was found."""
         values = self.base.values | {v.name: v.start for v in self.model.parameters}
         return replace(self.base, values=values, present=())
@@ -332,6 +336,13 @@ class Core:
 def unique(runs: Sequence[Run]) -> list[Run]:
     """Each run once, in order."""
     return list({id(r): r for r in runs}.values())
+
+
+def _shows(a: Attached, runs: Sequence[Run]) -> bool:
+    """Whether an effect may show in some run, by the signal where it acts."""
+    asked = SHOWN_BY.get(a.effect.name)
+    signals = [s for r in runs if (s := r.outputs.get(a.port) or r.inputs.get(a.port))]
+    return asked is None or any(asked(s.values) for s in signals)
 
 
 def _switches(runs: Sequence[Run], name: str) -> bool:

@@ -8,6 +8,7 @@ from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Folder, read_folder
 from reconcile.judging.answer import Answer
 from reconcile.judging.judge import Judge, Judged
+from reconcile.judging.refused import Refused
 from reconcile.recordings.data import Run, runs_of, split
 from reconcile.reporting.findings import Findings, gather
 from reconcile.search.beam import Beam
@@ -17,7 +18,7 @@ from reconcile.search.sets import Key
 from tests.reconcile.truth import Truth, record
 
 RIG = Path(__file__).with_name("rig")
-REFUSED = {"effect": "sensor_lag", "port": "position", "because": "takes 0.3 % of the error ahead away"}
+REFUSED = Refused("sensor_lag", "position", "takes 0.3 % of the error ahead away")
 
 
 def rig() -> Folder:

@@ -333,6 +333,13 @@ def test_the_unit_of_an_output_is_asked_for_without_axes_too(factor: float, aske
     assert f"column temperature: {asked}" in said if asked else said == ""
 
 
+def test_the_zero_of_a_temperature_is_asked_for():
+    run = cooled(True)
+    shown = {n: replace(x, values=x.values - 273.15) for n, x in run.outputs.items()}
+    said = mistaken.evident(Core(models.cooling(), split([replace(run, outputs=shown)], (), ()), ()))
+    assert "column temperature: with +273.15, the model errs by" in said
+
+
 def test_what_falls_at_a_constant_speed_is_in_no_other_unit():
     time = np.arange(0.0, 17.0, 0.05)
     height = 80.0 - 4.7 * time + 0.1 * np.random.default_rng(2).standard_normal(len(time))

@@ -48,3 +48,11 @@ def test_a_signal_turns_at_nothing_where_it_comes_down_to_it_and_goes_on():
     assert not ends.turns_at_nothing(np.maximum(turning, 0.0))  # it rests
     assert not ends.turns_at_nothing(20.0 * (TIME > 50.0) + NOISE)  # it sets out once
     assert not ends.turns_at_nothing(WAVE)
+
+
+def test_a_play_shows_where_a_signal_turns_round():
+    assert ends.turns_round(WAVE)
+    rising = 1.0 - np.exp(-0.1 * TIME)
+    assert not ends.turns_round(rising + 0.1 * NOISE)
+    assert not ends.turns_round(-rising)
+    assert not ends.turns_round(np.full(9, 3.0))

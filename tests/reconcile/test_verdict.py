@@ -19,6 +19,8 @@ from reconcile.search.free import LATEST, FreeParameters
     ("still", "beyond", "known", "name", "said"),
     [
         (["input u is constant"], 9.0, 0.9, "insufficient_excitation", "input u is constant"),
+        (["input u is constant"], 9.0, 0.1, "unexplained", "errs by 5"),
+        (["input u is constant"], 0.4, 0.1, "agrees", "within the noise"),
         ([], 9.0, 0.9, "unexplained", "errs by 5"),
         ([], 2.4, 0.9, "insufficient_excitation", "nothing tells drag"),
         ([], 2.4, 0.1, "agrees", "within 2.4 times the noise"),
@@ -28,14 +30,18 @@ from reconcile.search.free import LATEST, FreeParameters
 def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch, still: list[str], beyond: float, known: float, name: str, said: str
 ):
-    monkeypatch.setattr(verdicts, "unmoved", lambda core: still)
+    monkeypatch.setattr(verdicts, "still_outputs", lambda core: [])
+    monkeypatch.setattr(verdicts, "still_inputs", lambda core: still)
     monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda answer: {})
     monkeypatch.setattr(verdicts, "combined", lambda core: [])
     core: Any = SimpleNamespace(known=lambda point: {"drag": known}, disturbances=lambda values: {"v": 0.1})
     answer: Any = SimpleNamespace(
-        core=core, point=SimpleNamespace(values={}), present=(), judged=SimpleNamespace(kinds={}, refused=[])
+        core=core,
+        point=SimpleNamespace(values={}),
+        present=(),
+        judged=SimpleNamespace(kinds={}, probability={}, refused=[]),
     )
     answer.beam = SimpleNamespace(points={frozenset(): answer.point})
     found = verdicts.judge(answer)
@@ -179,3 +185,20 @@ def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
     beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
     beam.loss = {key: 0.0, frozenset(): 500.0}.__getitem__
     assert judges.Judge(beam)._unfit(key, shaft) == (no_shaft(shaft) if held else None)
+
+
+@pytest.mark.parametrize(
+    ("probability", "kinds", "said"),
+    [
+        ({"input_dead_zone": 0.88}, {}, "no effect is sure to explain it"),
+        ({"input_dead_zone": 0.3}, {}, "no effect explains it"),
+        ({"input_delay": 0.5}, {"delay": 0.95}, "its kind is sure, delay, but no effect of it"),
+    ],
+)
+def test_what_is_likely_is_not_said_to_explain_nothing(monkeypatch, probability, kinds, said: str):
+    monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.2)
+    core: Any = SimpleNamespace(disturbances=lambda values: {"v": 0.1})
+    judged = SimpleNamespace(kinds=kinds, probability=probability, refused=[])
+    beam = SimpleNamespace(points={frozenset(): SimpleNamespace(values={})})
+    answer: Any = SimpleNamespace(core=core, point=None, judged=judged, beam=beam)
+    assert f"over its own time, and {said};" in verdicts._unexplained(answer)

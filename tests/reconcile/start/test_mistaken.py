@@ -124,17 +124,20 @@ def test_an_input_in_another_unit_is_asked_and_a_right_one_is_not(tmp_path: Path
         assert examine(own, runs, names=names)[0]["verdict"] in ("agrees", "reestimated")
 
 
+@pytest.mark.parametrize("swing", [1.2, 0.09], ids=["a large swing", "a small swing"])
 @pytest.mark.parametrize(("factor", "word"), [(57.29578, "degrees against radians"), (1.0, "")])
-def test_an_angle_in_degrees_is_asked_and_one_in_radians_is_not(tmp_path: Path, factor: float, word: str):
+def test_an_angle_in_degrees_is_asked_and_one_in_radians_is_not(
+    tmp_path: Path, factor: float, word: str, swing: float
+):
     own = checks.open_folder(str(folder(tmp_path / "model", SWINGING)))
     step, fine = 0.02, 20
-    q, v, angles = 1.2, 0.0, []
+    q, v, angles = swing, 0.0, []
     for _ in range(400):
         angles.append(q)
         for _ in range(fine):
             v += step / fine * (-12.0 * np.sin(q) - 0.1 * v)
             q += step / fine * v
-    noise = 0.002 * np.random.default_rng(5).normal(size=len(angles))
+    noise = 0.002 * swing * np.random.default_rng(5).normal(size=len(angles))
     columns = {"time": step * np.arange(len(angles)), "position": factor * (np.array(angles) + noise)}
     core = Core(own, split(read_run(table(tmp_path / "a.csv", columns), own), (), ()))
     assert word in mistaken.evident(core)
