@@ -161,10 +161,10 @@ def _unexplained(answer: Answer) -> str:
     worst = max(sizes, key=lambda p: sizes[p])
     size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"
     where = f"; what is missing acts at '{worst}', with {size} the forces there"
-    explains = f"its kind is sure, {sure}, but no effect of it" if sure else "no effect explains it"
-    if not sure and max(answer.judged.probability.values(), default=0.0) > LIKELY:
-        explains = "no effect is sure to explain it"
-    return f"The model errs by {errs} of the outputs' motion over its own time, and {explains}{where}."
+    likely = max(answer.judged.probability.values(), default=0.0) > LIKELY
+    explains = "no effect is sure to explain it" if sure or likely else "no effect explains it"
+    kind = f"; its kind is sure: {sure}" if sure else ""
+    return f"The model errs by {errs} of the outputs' motion over its own time, and {explains}{where}{kind}."
 
 
 def _pairs(present: Iterable[Attached]) -> list[tuple[str, str]]:

@@ -158,7 +158,7 @@ def test_what_was_turned_down_is_there_with_its_reason(figures):
     reasons = {tuple(c["effects"]): c["because"] for c in figures["considered"]}
     assert reasons["coulomb_friction@v",] == "the answer"
     assert "nats of evidence less" in reasons[()]
-    assert reasons["sensor_lag@position",] == REFUSED["because"]
+    assert reasons["sensor_lag@position",] == REFUSED.because
 
 
 # -------------------------------------------------------------------------------- the page
