@@ -33,6 +33,9 @@ UNIT_ROLES = (
     ("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity"),
     ("rad/s2", "acceleration"), ("m/s2", "acceleration"), ("N", "input"), ("N.m", "input"),
 )  # fmt: skip
+SHORT_UNITS = {
+    "degps": "deg/s", "dps": "deg/s", "radps": "rad/s", "mps": "m/s", "kmh": "km/h", "kph": "km/h",
+}  # fmt: skip
 MOTION = ("position", "velocity")
 LEVELS = ("level", "niveau", "stand", "fuellstand", "füllstand")
 COMMAND_UNITS = ("V", "A", "%")
@@ -107,7 +110,7 @@ def unit_in_name(name: str) -> str:
     `rpm1`; "" where it has none."""
     match = re.search(r"\(([^()]+)\)\s*$", name) or re.search(r"[_ .]([A-Za-z°%]+(?:/s|ps)?)$", name)
     text = match[1] if match else ""
-    text = {"degps": "deg/s", "radps": "rad/s", "mps": "m/s", "dps": "deg/s"}.get(text.lower(), text)
+    text = SHORT_UNITS.get(text.lower(), text)
     lone = len(text) == 1 and match is not None and not match[0].endswith(")") and text not in "VANm%"
     if text and not lone and is_unit(text):
         return spelled(text)

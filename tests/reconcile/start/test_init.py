@@ -376,6 +376,7 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path, capsys):
 @pytest.mark.parametrize(
     ("name", "unit"),
     [("q_rad", "rad"), ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", ""),
+     ("v_kmh", "km/h"),
      ("rpm", "rpm"), ("RPM1", "rpm"), ("MotorRpm", "rpm"), ("rpm_deg", "deg"), ("carpmat", "")],
 )  # fmt: skip
 def test_units_read_out_of_names(name: str, unit: str):
