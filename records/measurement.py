@@ -13,6 +13,7 @@ import numpy as np
 
 from specs.errors import InputError, nearest
 
+OFTEN = 0.95  # of the times between samples: longer ones that come more often are pauses between bursts
 GAP = 3.5  # sample periods of a channel without a sample that are a gap
 ROUNDING = 1e-6  # of a step
 MOST_ROWS = 200_000_000  # of a grid: more comes from a step or a time in other units than meant
@@ -43,16 +44,24 @@ class Channel:
             float(np.median(np.diff(self.time), overwrite_input=True)) if len(self.time) > 1 else float("nan")
         )
 
-    def held(self, grid: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def pause_s(self) -> float:
+        """Time between the bursts of a logger that writes some samples at once [s]; 0 where none does."""
+        steps = np.diff(self.time)
+        usual = float(np.quantile(steps, OFTEN)) if len(steps) else 0.0
+        return usual if usual > GAP * self.period_s else 0.0
+
+    def held(self, grid: np.ndarray, step_s: float, pause_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Index of the last sample at or before each time of `grid` [n], and whether there is a fresh one.
 
-        "At" is to a millionth of a step.  A sample is fresh for GAP periods, or steps where those are longer.
+        "At" is to a millionth of a step.  A sample is fresh for GAP periods, or steps or pauses where those
+        are longer.
         """
         index = np.searchsorted(self.time, grid + ROUNDING * step_s, side="right") - 1
         if not len(self.time):
             return index, np.zeros(len(grid), dtype=bool)
         age = grid - self.time[index]
-        return index, (index >= 0) & (age <= GAP * np.fmax(self.period_s, step_s))
+        return index, (index >= 0) & (age <= GAP * np.fmax(self.period_s, max(step_s, pause_s)))
 
 
 @dataclass(frozen=True)
@@ -95,16 +104,17 @@ class Measurement:
         """Those of `names` that it does not have."""
         return [name for name in names if name not in self.channels]
 
-    def pieces(self, names: Sequence[str], step_s: float) -> list[Piece]:
+    def pieces(self, names: Sequence[str], step_s: float, bursts: bool = False) -> list[Piece]:
         """The stretches in which all of `names` are there, on a grid of `step_s`.
 
         Each value is the channel's last sample at or before the grid time (to a millionth of a step), as a
         controller would see it: nothing is interpolated.  A channel without a sample for GAP of its periods
-        ends a piece.  Raises InputError for a channel that is not there, no name, or a step that cannot be.
+        ends a piece; with `bursts`, pauses of a logger that writes some samples at once do not.  Raises
+        InputError for a channel that is not there, no name, or a step that cannot be.
         """
         chosen = [self[name] for name in names]
         grid = _grid(chosen, step_s, self.source)
-        held = [c.held(grid, step_s) for c in chosen]
+        held = [c.held(grid, step_s, c.pause_s if bursts else 0.0) for c in chosen]
         fresh = np.logical_and.reduce([f for _, f in held])
         found = []
         for run in _runs(fresh):

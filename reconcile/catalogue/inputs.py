@@ -240,7 +240,8 @@ EFFECTS = (
         "input_crosstalk",
         "input",
         "u' = u + share × the other input",
-        (Parameter("share", "{u}/{other}", none, amplitude=True, low=ANY),),
+        # where more of the other input arrives than of its own, the two are exchanged
+        (Parameter("share", "{u}/{other}", none, amplitude=True, low=-1.0, high=1.0),),
         _crosstalk,
         LINEAR,
         needs=("other",),

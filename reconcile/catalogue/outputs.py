@@ -124,7 +124,8 @@ EFFECTS = (
         "cross_axis_misalignment",
         "output",
         "y' = y + share × the other output",
-        (Parameter("share", "{y}/{other}", none, amplitude=True, low=ANY),),
+        # 17 degrees: what shows more of the other is no sensor of its own any more
+        (Parameter("share", "{y}/{other}", none, amplitude=True, low=-0.3, high=0.3),),
         _cross,
         "IEEE Std 1293: misalignment of sensitive axes",
         needs=("other",),

@@ -113,7 +113,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []
-    pieces = Measurement(channels, source=where).pieces(list(channels), step)
+    pieces = Measurement(channels, source=where).pieces(list(channels), step, bursts=True)
     for piece in pieces:
         start, end = piece.start_s, piece.start_s + (len(piece) - 1) * step
         if end - start > LEAST_STRETCH * step:

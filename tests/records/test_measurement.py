@@ -104,3 +104,16 @@ def test_a_step_far_too_small_for_the_length_is_refused_instead_of_filling_the_m
 def test_a_channel_has_one_ascending_time_for_each_value(time):
     with pytest.raises(ValueError, match="channel a"):
         measurement(a=(time, [1, 2, 3]))
+
+
+def test_pauses_of_a_logger_in_bursts_are_gaps_unless_they_are_allowed():
+    time = np.concatenate([0.025 * k + 0.002 * np.arange(7) for k in range(8)])
+    bursts = Channel("speed", "rad/s", time, np.arange(len(time), dtype=float))
+    assert bursts.pause_s == pytest.approx(0.013)
+    found = Measurement({"speed": bursts})
+    assert len(found.pieces(["speed"], 0.002)) == 8
+    assert len(found.pieces(["speed"], 0.002, bursts=True)) == 1
+    once = np.delete(0.002 * np.arange(100), np.arange(50, 60))
+    gap = Channel("speed", "rad/s", once, once)
+    assert gap.pause_s == 0.0
+    assert len(Measurement({"speed": gap}).pieces(["speed"], 0.002, bursts=True)) == 2
