@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from specs.outlines import clipped, hull
-from specs.scene import Box, Cylinder, HalfSpace, Vector, moved
+from specs.scene import Box, Cylinder, HalfSpace, Vector
 
 SECTORS, RECTS = 240, 8  # of runtime/core/guard.h
 WIDTH = 2.0 * math.pi / SECTORS
@@ -59,11 +59,10 @@ def rects(solid: Solid) -> Iterator[tuple[int, Rect]]:
     elif not solid.path:
         yield from _spans(_outline(solid), *_heights(solid))
     else:
+        outline, (low, high) = _outline(_wider(solid)), _heights(solid)
         for a, b in _pieces(solid.places()):
-            ends = [_wider(moved(solid, place)) for place in (a, b)]
-            heights = np.array([_heights(end) for end in ends])
-            outline = hull(np.vstack([_outline(end) for end in ends]))
-            yield from _spans(outline, heights[:, 0].min(), heights[:, 1].max())
+            around = hull(np.vstack([outline + a[:2], outline + b[:2]]))
+            yield from _spans(around, low + min(a[2], b[2]), high + max(a[2], b[2]))
 
 
 def outermost(found: Sequence[Rect]) -> list[Rect]:

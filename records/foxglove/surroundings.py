@@ -36,7 +36,7 @@ def still(scene: Scene, time_ns: int, messages: Any, everywhere: bool = False) -
     if everywhere:
         copies = [copy for thing in scene.things if thing.path for copy in _copies(thing)]
         made += [_entity(copy, 0.0, time_ns, messages) for copy in copies]
-    made += [_zone(scene, k, time_ns, messages) for k in range(len(scene.zones))]
+    made += [_zone(scene, k, time_ns, messages, everywhere) for k in range(len(scene.zones))]
     size = vector([2.0 * scene.tolerance_m] * 3, messages)
     for number, target in enumerate(scene.targets, 1):
         sphere = messages.SpherePrimitive(
@@ -76,11 +76,13 @@ def _entity(thing: Thing, seconds: float, time_ns: int, messages: Any) -> Any:
     return _made(thing.name, time_ns, messages, **_primitives(solids, THING, messages))
 
 
-def _zone(scene: Scene, number: int, time_ns: int, messages: Any) -> Any:
+def _zone(scene: Scene, number: int, time_ns: int, messages: Any, everywhere: bool) -> Any:
     zone = scene.zones[number]
+    places = list(along(zone.shape.places(), COPIES_M)) if everywhere else [(0.0, 0.0, 0.0)]
+    solids = [moved(zone.shape, place) for place in dict.fromkeys(places)]
     of = KEEP_OUT if zone.kind == "keep_out" else SLOW
     name = f"zone {number + 1}: {zone.shape.name}"
-    return _made(name, time_ns, messages, **_primitives([zone.shape], of, messages))
+    return _made(name, time_ns, messages, **_primitives(solids, of, messages))
 
 
 def _primitives(solids: Sequence[Box | Cylinder | HalfSpace], of: Colour, messages: Any) -> dict[str, Any]:
