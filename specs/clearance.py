@@ -34,14 +34,16 @@ class Near:
 class Clearance:
     """Distances of the nominal machine in a scene."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, everywhere: bool = False) -> None:
+        """`everywhere`: what moves stands everywhere that it comes, at any time."""
         self._sizes = shapes.sizes()
         self._surface = np.vstack(
             [outlines.surface(box, SURFACE_M) for box in shapes.boxes(self._sizes) if box.link != BASE]
         )
         things = [solid for solid in scene.solids() if solid.name != GROUND]
-        self._things, self._zones = _Group(things), _Group(scene.keep_outs())
-        self._around = _Group([solid for solid in things if solid.path or _reach(solid) < REACH_M])
+        self._things, self._zones = (_Group(of, everywhere) for of in (things, scene.keep_outs()))
+        around = [solid for solid in things if solid.path or _reach(solid) < REACH_M]
+        self._around = _Group(around, everywhere)
 
     def near(self, angles: Sequence[float], seconds: float = 0.0) -> list[Near]:
         """The nearest to each part at angles of `specs.pose.ANGLES` [rad], the least distance first.
@@ -67,11 +69,11 @@ class Clearance:
 
 
 class _Group:
-    """Solids, of which some may move."""
+    """Solids, of which some may move; `everywhere`: those stand all along their paths."""
 
-    def __init__(self, members: Sequence[Solid]) -> None:
-        self._still = solids(solid for solid in members if not solid.path)
-        self._moving = [solid for solid in members if solid.path]
+    def __init__(self, members: Sequence[Solid], everywhere: bool) -> None:
+        self._still = solids(solid for solid in members if everywhere or not solid.path)
+        self._moving = [solid for solid in members if solid.path and not everywhere]
 
     def nearest(self, part: str, points: np.ndarray, radius: float, seconds: float) -> Near | None:
         """The nearest of them to any of the points (n, 3); None where there are none."""

@@ -61,7 +61,7 @@ def _length(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 def solids(found: Iterable[Solid]) -> Solids:
     """The solids as arrays."""
-    every = [moved(solid, place) for solid in found for place in _along(solid.places())]
+    every = [moved(solid, place) for solid in found for place in along(solid.places())]
     boxes = [solid for solid in every if isinstance(solid, Box)]
     cylinders = [solid for solid in every if isinstance(solid, Cylinder)]
     halves = [solid for solid in every if isinstance(solid, HalfSpace)]
@@ -84,11 +84,13 @@ def _rows(values: Sequence[Sequence[float]]) -> np.ndarray:
     return np.array(values, dtype=float).reshape(-1, 3)
 
 
-def _along(places: Sequence[tuple[float, float, float]]) -> Iterable[tuple[float, float, float]]:
-    """The corners of a path and places between them."""
+def along(
+    places: Sequence[tuple[float, float, float]], spacing_m: float = SPACING_M
+) -> Iterable[tuple[float, float, float]]:
+    """The corners of a path and places between them, no further apart than `spacing_m`."""
     yield places[0]
     for a, b in pairwise(places):
-        count = max(1, math.ceil(math.dist(a, b) / SPACING_M))
+        count = max(1, math.ceil(math.dist(a, b) / spacing_m))
         for i in range(1, count + 1):
             x, y, z = (u + (v - u) * i / count for u, v in zip(a, b, strict=True))
             yield x, y, z

@@ -1,57 +1,30 @@
 """What the guard of a bundle knows: a scene's solids and keep-out zones in polar form, the machine as balls.
 
 The plane around the slew axis is divided into sectors.  A sector's rectangles of radius and height contain
-all that stands in it; where there are too many, the two that grow least by it become one.
+all that ever comes into it (polar.py).
 """
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from deployment.bundling.polar import FAR_M, SECTORS, WIDTH, Rect, few, outermost, rects
 from fmus.equations import kinematics
 from specs import parameters, shapes
 from specs.errors import InputError
-from specs.outlines import clipped, surface
-from specs.scene import GROUND, Box, Cylinder, HalfSpace, Scene
+from specs.outlines import surface
+from specs.scene import GROUND, Scene
 from specs.shapes import BASE
 
 FILE = "guard"  # of specs/parameters
 SENSORS = ("imu_tool_pitch", "imu_tool_roll", "imu_tool_rate_x", "imu_tool_rate_y")  # beside the gate's
-SECTORS, RECTS, BALLS = 240, 8, 36  # of runtime/core/guard.h
-FAR_M, HIGH_M = 40.0, 40.0  # beyond which nothing of the machine comes
-CORNERS = 32  # of the polygon around a cylinder
+BALLS = 36  # of runtime/core/guard.h
 POINTS_M = 0.25  # between the points on carriage and cabin
 COVERED = {"boom": 11, "stick": 10}  # balls along each
 PARTS = ("", "boom", "stick", "lines", "grab", "carriage")
-Solid = Box | Cylinder | HalfSpace
-
-
-class Rect(NamedTuple):
-    """From r0 to r1 from the slew axis, z0 to z1 above the ground, m; a zone holds for the tool alone."""
-
-    r0: float
-    r1: float
-    z0: float
-    z1: float
-    tool_only: bool = False
-
-    @property
-    def area(self) -> float:
-        """m2."""
-        return (self.r1 - self.r0) * (self.z1 - self.z0)
-
-    def with_(self, other: "Rect") -> "Rect":
-        """The least rectangle around both."""
-        r, z = (
-            (min(self.r0, other.r0), max(self.r1, other.r1)),
-            (min(self.z0, other.z0), max(self.z1, other.z1)),
-        )
-        return Rect(*r, *z, self.tool_only and other.tool_only)
 
 
 @dataclass(frozen=True)
@@ -64,28 +37,20 @@ class Zones:
 
 
 def zones(scene: Scene) -> Zones:
-    """The zones of a scene; InputError for what the guard cannot hold: moving things, tilted planes, a scene
-    that holds the machine itself.
-    """
-    solids = [solid for solid in scene.solids() if solid.name != GROUND]
-    for thing in (*solids, *scene.keep_outs()):
-        if thing.path:
-            raise InputError(f"scene {scene.name}: '{thing.name}' moves; the guard knows what stands still")
-        if isinstance(thing, HalfSpace) and 1e-9 < abs(thing.unit[2]) < 1.0 - 1e-9:
-            raise InputError(
-                f"scene {scene.name}: '{thing.name}' is tilted; the guard knows upright and level half-spaces"
-            )
+    """The zones of a scene; InputError for one that holds the machine itself."""
+    solids = [(solid, False) for solid in scene.solids() if solid.name != GROUND]
     found: list[list[Rect]] = [[] for _ in range(SECTORS)]
-    for solid, tool_only in (*((s, False) for s in solids), *((s, True) for s in scene.keep_outs())):
-        for sector, (r0, r1) in _spans(solid):
-            found[sector].append(Rect(r0, r1, *_heights(solid), tool_only))
+    for solid, tool_only in (*solids, *((zone, True) for zone in scene.keep_outs())):
+        for sector, rect in rects(solid):
+            found[sector].append(rect._replace(tool_only=tool_only))
+    found = [outermost(there) for there in found]
     carriage = tuple(_carriage(found))
     if max(carriage) <= 0.0:
         raise InputError(
-            f"scene {scene.name}: things stand in the machine itself: carriage and cabin are clear of them "
-            "at no slew angle"
+            f"scene {scene.name}: things stand in the machine itself, or come there: carriage and cabin are "
+            "clear of them at no slew angle"
         )
-    return Zones(scene.name, tuple(tuple(_few(rects)) for rects in found), carriage)
+    return Zones(scene.name, tuple(tuple(few(there)) for there in found), carriage)
 
 
 def nothing() -> Zones:
@@ -93,83 +58,31 @@ def nothing() -> Zones:
     return Zones("nothing", ((),) * SECTORS, (FAR_M,) * SECTORS)
 
 
-def _heights(solid: Solid) -> tuple[float, float]:
-    if isinstance(solid, Box):
-        return solid.middle[2] - solid.size[2] / 2, solid.middle[2] + solid.size[2] / 2
-    if isinstance(solid, Cylinder):
-        return solid.foot[2], solid.foot[2] + solid.height
-    z, up = solid.point[2], solid.unit[2]
-    if abs(up) < 0.5:
-        return 0.0, HIGH_M
-    return (-HIGH_M, z) if up > 0.0 else (z, HIGH_M)
-
-
-def _spans(solid: Solid) -> Iterator[tuple[int, tuple[float, float]]]:
-    """(sector, least and largest distance from the slew axis) of each sector that the solid reaches into."""
-    outline = _outline(solid)
-    for sector in range(SECTORS):
-        a, b = (2.0 * math.pi * (sector + k) / SECTORS for k in (0, 1))
-        cut = clipped(outline, np.array([-math.sin(a), math.cos(a)]))
-        cut = clipped(cut, np.array([math.sin(b), -math.cos(b)]))
-        if len(cut):
-            yield sector, (_nearest(cut), float(np.hypot(*cut.T).max()))
-
-
-def _outline(solid: Solid) -> np.ndarray:
-    """Corners of the solid from above, in order."""
-    if isinstance(solid, Box):
-        c, s = math.cos(math.radians(solid.turn_deg)), math.sin(math.radians(solid.turn_deg))
-        half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(solid.size[:2]) / 2
-        return half @ np.array([[c, s], [-s, c]]) + np.array(solid.middle[:2])
-    if isinstance(solid, Cylinder):
-        angles = 2.0 * math.pi * np.arange(CORNERS) / CORNERS
-        around = solid.radius / math.cos(math.pi / CORNERS)
-        return around * np.stack([np.cos(angles), np.sin(angles)], axis=1) + np.array(solid.foot[:2])
-    square = FAR_M * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    x, y, up = solid.unit
-    behind = -np.array([x, y])
-    return square if abs(up) > 0.5 else clipped(square, behind, float(behind @ solid.point[:2]))
-
-
-def _nearest(polygon: np.ndarray) -> float:
-    """Distance of the origin to a convex polygon; 0 inside."""
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    turns = polygon[:, 0] * edges[:, 1] - polygon[:, 1] * edges[:, 0]
-    if len(polygon) > 2 and (np.all(turns > 0.0) or np.all(turns < 0.0)):
-        return 0.0
-    squares = np.maximum(np.sum(edges * edges, axis=1), 1e-30)
-    along = np.clip(-np.sum(polygon * edges, axis=1) / squares, 0.0, 1.0)
-    return float(np.hypot(*(polygon + along[:, None] * edges).T).min())
-
-
-def _few(rects: Sequence[Rect]) -> list[Rect]:
-    """At most RECTS rectangles that contain all."""
-    left = list(dict.fromkeys(rects))
-    while len(left) > RECTS:
-        a, b = min(
-            combinations(left, 2), key=lambda two: two[0].with_(two[1]).area - sum(r.area for r in two)
-        )
-        left = [r for r in left if r not in (a, b)] + [a.with_(b)]
-    return left
-
-
 def _carriage(sectors: Sequence[Sequence[Rect]]) -> Iterator[float]:
     """Of each sector of the slew angle: least distance of what turns with the slew to any solid."""
     points = np.vstack([surface(box, POINTS_M) for box in shapes.boxes() if box.link != BASE])
     radius, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
-    width = 2.0 * math.pi / SECTORS
+    width = WIDTH
     slack = POINTS_M / math.sqrt(2.0)  # to the points between
     solid = [(k * width, rect) for k, rects in enumerate(sectors) for rect in rects if not rect.tool_only]
-    near = [(a, rect) for a, rect in solid if rect.r0 < radius.max() + 2.0]
+    span = (float(radius.max()), float(points[:, 2].min()), float(points[:, 2].max()))
+    near = sorted((_least(rect, *span), a, rect) for a, rect in solid if rect.r0 < radius.max() + 2.0)
     for sector in range(SECTORS):
         least = FAR_M
-        for start, rect in near:
+        for at_least, start, rect in near:
+            if at_least >= least:
+                break
             # the points may be anywhere in the sector, the solid anywhere in its own
             turn = np.abs(
                 (azimuth + (sector + 0.5) * width - start - width / 2 + math.pi) % (2 * math.pi) - math.pi
             )
             least = min(least, float(_away(points[:, 2], radius, np.maximum(turn - width, 0.0), rect).min()))
         yield least - slack
+
+
+def _least(rect: Rect, radius: float, low: float, high: float) -> float:
+    """What a rectangle is away, at least, from all within a radius and from a low to a high height."""
+    return math.hypot(max(rect.r0 - radius, 0.0), max(rect.z0 - high, low - rect.z1, 0.0))
 
 
 def _away(z: np.ndarray, r: np.ndarray, turn: np.ndarray, rect: Rect) -> np.ndarray:

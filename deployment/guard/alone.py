@@ -32,7 +32,7 @@ class Alone:
     reads = SENSORS
 
     def __init__(self, scene: Scene) -> None:
-        """InputError for a scene that the guard cannot hold: moving things, tilted planes."""
+        """InputError for a scene that holds the machine itself."""
         self._library = ctypes.CDLL(str(_library(guard.zones(scene))))
         self._library.slr_alone_size.restype = ctypes.c_size_t
         self._library.slr_alone_start.restype = ctypes.c_double

@@ -6,18 +6,21 @@ valves, torques, masses, sensors' zeros), or anywhere within.  None of them is o
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from deployment.guard.stand import Driver, Stand, Start
 from specs import draws, parameters
-from specs.scene import Box, Cylinder, Goal, HeightMap, Scene, Thing, Zone
+from specs.scene import Box, Cylinder, Goal, HalfSpace, HeightMap, Scene, Thing, Zone
 
 LOAD_MOST_KG = 2000.0  # the promise's
 POSES = ((0.62, 1.48), (-2.35, -0.2))  # boom, stick: within the joints' limits
 CORNER_SHARE = 0.7  # of the machines
 SWINGS_S = (2.4, 3.3)  # periods of the tool
+MOVES = (1, 3)  # things that move in a yard, from and to
+PACE_S = (0.5, 6.0)  # between the corners of a path
 
 
 def machine(random: np.random.Generator) -> dict[str, float]:
@@ -45,15 +48,60 @@ def start(random: np.random.Generator) -> Start:
     return Start(angles, float(load), machine(random))
 
 
-def yard(number: int, seed: int) -> Scene:
-    """A scene full of things around the machine: walls, poles, beams, piles, keep-out zones."""
+def yard(number: int, seed: int, moving: bool = False) -> Scene:
+    """A scene full of things around the machine: walls, poles, beams, piles, keep-out zones.
+
+    `moving`: the same with more things, which come and go, and now and then a tilted plane.
+    """
     random = np.random.default_rng([seed, number, 1])
     makers = (_wall, _pole, _beam, _pile)
     things = tuple(makers[int(random.integers(4))](random, k) for k in range(int(random.integers(2, 6))))
     zones = (Zone(kind="keep_out", shape=_pole(random, 9)),) if random.random() < 0.5 else ()
+    if moving:
+        things = (*things, *_movers(np.random.default_rng([seed, number, 2])))
     target = Goal(slew_deg=0.0, radius_m=9.0, height_m=4.0)
     name = f"yard {number}"
     return Scene(name=name, description=name, start=target, targets=(target,), things=things, zones=zones)
+
+
+def _movers(random: np.random.Generator) -> tuple[Thing, ...]:
+    makers, found = (_wall, _pole, _beam, _pile), list[Thing]()
+    for k in range(10, 10 + int(random.integers(MOVES[0], MOVES[1] + 1))):
+        x, y = _place(random, 9.0, 15.0)
+        near = (
+            _slope(random, k, x, y) if random.random() < 0.2 else makers[int(random.integers(4))](random, k)
+        )
+        found.append(replace(near, path=_comings(random, *_outward(near))))
+    return tuple(found)
+
+
+def _outward(thing: Thing) -> tuple[float, float]:
+    """Direction from the machine to a thing."""
+    place = next(vars(thing)[name] for name in ("middle", "foot", "point", "corner") if name in vars(thing))
+    length = math.hypot(*place[:2])
+    return place[0] / length, place[1] / length
+
+
+def _comings(
+    random: np.random.Generator, x: float, y: float
+) -> tuple[tuple[float, float, float, float], ...]:
+    """A path that comes no nearer than the thing's own place, and is there at least once."""
+    rows, at_s = list[tuple[float, float, float, float]](), 0.0
+    here = int(random.integers(5))
+    for k in range(5):
+        far, aside = (0.0, 0.0) if k == here else random.uniform((0.0, -4.0), (8.0, 4.0))
+        rise = 0.0 if k == here else random.choice([0.0, 0.0, random.uniform(0.0, 2.0)])
+        rows.append((at_s, float(far * x - aside * y), float(far * y + aside * x), float(rise)))
+        at_s += float(random.uniform(*PACE_S))
+    return tuple(rows)
+
+
+def _slope(random: np.random.Generator, k: int, x: float, y: float) -> HalfSpace:
+    """A bank that rises outwards, or a roof that comes down there."""
+    length, tilt = math.hypot(x, y), float(random.uniform(0.2, 1.3))
+    up, height = (1.0, 0.0) if random.random() < 0.6 else (-1.0, float(random.uniform(9.0, 16.0)))
+    normal = (-x / length * math.sin(tilt), -y / length * math.sin(tilt), up * math.cos(tilt))
+    return HalfSpace(name=f"slope {k}", point=(x, y, height), normal=normal)
 
 
 def _place(random: np.random.Generator, nearest: float, farthest: float = 16.0) -> tuple[float, float]:

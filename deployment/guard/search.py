@@ -47,19 +47,24 @@ class Episode:
         return self.distance <= 0.0 or self.zone <= 0.0
 
 
-def episodes(count: int, seed: int, first: int, folder: Path, judge: Judge) -> Iterator[Episode]:
-    """Episodes `first`, `first` + 1 … one after the other, each the same whichever come before."""
+def episodes(
+    count: int, seed: int, first: int, folder: Path, judge: Judge, moving: bool = False
+) -> Iterator[Episode]:
+    """Episodes `first`, `first` + 1 … one after the other, each the same whichever come before.
+
+    `moving`: in yards in which things also move.
+    """
     numbers = range(first, first + count)
     for at, group in groupby(numbers, lambda number: number // EPISODES_PER_YARD):
-        scene = draw.yard(at, seed)
+        scene = draw.yard(at, seed, moving)
         stand = Stand(bundle(scene, folder / f"yard-{at}"))  # a library is known by its path
         for number in group:
             yield _episode(number, seed, stand, scene, judge)
 
 
-def replay(number: int, seed: int, folder: Path) -> tuple[Scene, Start, Drive]:
+def replay(number: int, seed: int, folder: Path, moving: bool = False) -> tuple[Scene, Start, Drive]:
     """An episode anew, with all that was recorded."""
-    scene = draw.yard(number // EPISODES_PER_YARD, seed)
+    scene = draw.yard(number // EPISODES_PER_YARD, seed, moving)
     start, driven, _ = _driven(number, seed, Stand(bundle(scene, folder / "replayed")))
     return scene, start, driven
 

@@ -1,6 +1,7 @@
 """`slewright bench guard`: search, stopping, speed and cycle in one run, and which limits they miss."""
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,36 +18,36 @@ LEAST_SPEED, MOST_US = 0.98, 50.0
 
 
 def run(
-    episodes: int, first: int, stops: int, rounds: int, seed: int, judge: Judge, report: Report
+    episodes: int, first: int, stops: int, rounds: int, seed: int, moving: bool, judge: Judge, report: Report
 ) -> dict[str, Any]:
     """All figures, and `failures`: sentences about the limits that are missed.
+
+    `moving`: in the search's yards things also move.
 
     The search may be interrupted: the figures are then of the episodes that there were.
     """
     with TemporaryDirectory(prefix="slewright-guard-") as made:
         folder = Path(made)
-        figures: dict[str, Any] = {"slewright": VERSION, "seed": seed, "first": first}
+        figures: dict[str, Any] = {"slewright": VERSION, "seed": seed, "first": first, "moving": moving}
         figures["cycle"] = cycle.cost(folder, seed, rounds)
         figures["speed"] = speed.loss(folder, RINGS_M, seed, report)
         if stops:
             figures["stopping"] = stopping.study(Stand(bundle(None, folder / "free")), stops, seed, report)
         begin = time.perf_counter()
-        found = _searched(episodes, seed, first, folder, judge, report)
+        found = _searched(search.episodes(episodes, seed, first, folder, judge, moving), episodes, report)
         figures["search"] = search.summary(found)
         figures["search"]["seconds_an_episode"] = (time.perf_counter() - begin) / len(found)
         figures["search"]["asked_for"] = episodes
     return {**figures, "failures": failures(figures)}
 
 
-def _searched(
-    episodes: int, seed: int, first: int, folder: Path, judge: Judge, report: Report
-) -> list[Episode]:
+def _searched(episodes: Iterator[Episode], count: int, report: Report) -> list[Episode]:
     found: list[Episode] = []
     try:
-        for episode in search.episodes(episodes, seed, first, folder, judge):
+        for episode in episodes:
             found.append(episode)
             if len(found) % 10 == 0:
-                report("adversarial episodes", len(found), episodes)
+                report("adversarial episodes", len(found), count)
     except KeyboardInterrupt:
         if not found:
             raise

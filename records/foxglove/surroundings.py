@@ -4,13 +4,15 @@ Boxes and cylinders are themselves, height maps triangles, half-spaces plates as
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from records.foxglove.basics import Colour, Vector, colour, points, pose, stamp, vector
 from specs import outlines
+from specs.distance import along
 from specs.scene import Box, Cylinder, HalfSpace, HeightMap, Scene, Thing, moved, parts_of
 from specs.shapes import BASE
 
@@ -21,13 +23,20 @@ SLOW: Colour = (0.95, 0.7, 0.1, 0.3)
 TARGET: Colour = (0.1, 0.6, 0.5, 0.5)
 PLAN: Colour = (0.1, 0.4, 0.9, 1.0)
 SWEPT: Colour = (0.1, 0.4, 0.9, 0.15)
+COPIES_M = 2.0  # between the places at which a thing is shown that may be anywhere along its path
 PLAN_M = 0.06  # thickness of the line of the planned way
 
 
-def still(scene: Scene, time_ns: int, messages: Any) -> Any:
-    """What stands where it stands: things, zones and targets."""
+def still(scene: Scene, time_ns: int, messages: Any, everywhere: bool = False) -> Any:
+    """What stands where it stands: things, zones and targets.
+
+    `everywhere`: what moves, too, at places all along its path.
+    """
     made = [_entity(thing, 0.0, time_ns, messages) for thing in scene.things if not thing.path]
-    made += [_zone(scene, k, time_ns, messages) for k in range(len(scene.zones))]
+    if everywhere:
+        copies = [copy for thing in scene.things if thing.path for copy in _copies(thing)]
+        made += [_entity(copy, 0.0, time_ns, messages) for copy in copies]
+    made += [_zone(scene, k, time_ns, messages, everywhere) for k in range(len(scene.zones))]
     size = vector([2.0 * scene.tolerance_m] * 3, messages)
     for number, target in enumerate(scene.targets, 1):
         sphere = messages.SpherePrimitive(
@@ -52,6 +61,12 @@ def plan(ways: Sequence[Sequence[Vector]], swept_m: float, time_ns: int, message
     return messages.SceneUpdate(entities=made)
 
 
+def _copies(thing: Thing) -> Iterator[Thing]:
+    """The thing at rest, all along its path."""
+    for number, place in enumerate(dict.fromkeys(along(thing.places(), COPIES_M)), 1):
+        yield replace(thing, name=f"{thing.name}, place {number}", path=((0.0, *place),))
+
+
 def _entity(thing: Thing, seconds: float, time_ns: int, messages: Any) -> Any:
     x, y, z = outlines.away(thing, np.array([seconds]))[0].tolist()
     solids = [moved(part, (x, y, z)) for part in parts_of(thing)]
@@ -61,11 +76,13 @@ def _entity(thing: Thing, seconds: float, time_ns: int, messages: Any) -> Any:
     return _made(thing.name, time_ns, messages, **_primitives(solids, THING, messages))
 
 
-def _zone(scene: Scene, number: int, time_ns: int, messages: Any) -> Any:
+def _zone(scene: Scene, number: int, time_ns: int, messages: Any, everywhere: bool) -> Any:
     zone = scene.zones[number]
+    places = list(along(zone.shape.places(), COPIES_M)) if everywhere else [(0.0, 0.0, 0.0)]
+    solids = [moved(zone.shape, place) for place in dict.fromkeys(places)]
     of = KEEP_OUT if zone.kind == "keep_out" else SLOW
     name = f"zone {number + 1}: {zone.shape.name}"
-    return _made(name, time_ns, messages, **_primitives([zone.shape], of, messages))
+    return _made(name, time_ns, messages, **_primitives(solids, of, messages))
 
 
 def _primitives(solids: Sequence[Box | Cylinder | HalfSpace], of: Colour, messages: Any) -> dict[str, Any]:

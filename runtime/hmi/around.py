@@ -1,9 +1,11 @@
 """What stands around the machine, as the page draws it, and how far the machine is from it.
 
-Live it is the scene that the bundle's guard keeps off; in playback that of the recorded run, with its plan.
+Live it is the scene that the bundle's guard keeps off, with what moves everywhere that it comes, as the
+guard has it; in playback that of the recorded run, with its plan.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,23 +13,29 @@ import numpy as np
 from runtime.image import INPUT
 from specs import outlines, scene_text
 from specs.clearance import Clearance
+from specs.distance import along
 from specs.pose import ANGLES
-from specs.scene import GROUND, Box, Cylinder, HalfSpace, HeightMap, Scene, Thing, parts_of
+from specs.scene import GROUND, Box, Cylinder, HalfSpace, HeightMap, Scene, Thing, moved, parts_of
 
 WIDE_M = 40.0  # of a half-space is drawn, to each side
+DRAWN_M = 1.0  # between the places at which a thing is drawn that may be anywhere along its path
 PLACES = [INPUT.index[name] for name in ANGLES]
 THING, PILE = "thing", "pile"  # beside the kinds of zones
+Solid = Box | Cylinder | HalfSpace
 
 
 class Around:
-    """A scene with the planned ways of the grab ((n, 3) each, m); `whose` says where it comes from."""
+    """A scene with the planned ways of the grab ((n, 3) each, m); `whose` says where it comes from.
 
-    def __init__(self, scene: Scene, whose: str, ways: Sequence[Any] = ()) -> None:
-        self._clearance = Clearance(scene)
+    `everywhere`: what moves stands everywhere that it comes, since nobody knows the scene's time.
+    """
+
+    def __init__(self, scene: Scene, whose: str, ways: Sequence[Any] = (), everywhere: bool = False) -> None:
+        self._clearance = Clearance(scene, everywhere)
         self.drawn: dict[str, Any] = {
             "name": scene.name,
             "whose": whose,
-            "solids": _solids(scene),
+            "solids": _solids(scene, everywhere),
             "ways": [np.round(way, 2).tolist() for way in ways],
             "targets": [list(target.xyz) for target in scene.targets] if len(ways) else [],
             "tolerance": scene.tolerance_m,
@@ -52,21 +60,32 @@ def of_record(meta: Mapping[str, Any]) -> Around | None:
 
 def of_bundle(scene: Scene | None) -> Around | None:
     """Of the guard's scene; None where there is none."""
-    return Around(scene, "the guard's") if scene else None
+    return Around(scene, "the guard's", everywhere=True) if scene else None
 
 
-def _solids(scene: Scene) -> list[dict[str, Any]]:
+def _solids(scene: Scene, everywhere: bool) -> list[dict[str, Any]]:
     """Outline from above, heights, and the rows of its path of each solid; zones last."""
-    found = [_thing(thing, part) for thing in scene.things for part in parts_of(thing)]
-    found += [_drawn(zone.shape, zone.kind) for zone in scene.zones]
-    return [solid for solid in found if solid["name"] != GROUND]
+    found = [(part, _kind(thing)) for thing in scene.things for part in parts_of(thing)]
+    found += [(zone.shape, zone.kind) for zone in scene.zones]
+    return [
+        _drawn(one, kind)
+        for solid, kind in found
+        for one in (_copies(solid) if everywhere else [solid])
+        if solid.name != GROUND
+    ]
 
 
-def _thing(thing: Thing, part: Box | Cylinder | HalfSpace) -> dict[str, Any]:
-    return _drawn(part, PILE if isinstance(thing, HeightMap) else THING)
+def _copies(solid: Solid) -> Iterator[Solid]:
+    """The solid at rest, all along its path."""
+    for place in dict.fromkeys(along(solid.places(), DRAWN_M)):
+        yield replace(moved(solid, place), path=())
 
 
-def _drawn(solid: Box | Cylinder | HalfSpace, kind: str) -> dict[str, Any]:
+def _kind(thing: Thing) -> str:
+    return PILE if isinstance(thing, HeightMap) else THING
+
+
+def _drawn(solid: Solid, kind: str) -> dict[str, Any]:
     found: dict[str, Any] = {"name": solid.name, "kind": kind, "path": [list(row) for row in solid.path]}
     if isinstance(solid, HalfSpace):
         offset = float(np.dot(solid.unit, solid.point))

@@ -51,6 +51,15 @@ def test_a_thing_that_moves_is_where_it_is():
     assert end.solid == "cart"
 
 
+def test_where_no_time_is_known_a_thing_stands_everywhere_that_it_comes():
+    x, y, z = pose.grab(np.array([POSE]), shapes.sizes())[0]
+    cart = Box(name="cart", middle=(x, y + 5, z), size=(1, 1, 1), path=((0, 0, 0, 0), (10, 0, -5, 0)))
+    everywhere = Clearance(of(cart), everywhere=True)
+    least = min(Clearance(of(cart)).near(POSE, t)[0].distance for t in np.linspace(0.0, 10.0, 11))
+    for seconds in (0.0, 10.0, 99.0):
+        assert everywhere.near(POSE, seconds)[0].distance == pytest.approx(least, abs=0.03)
+
+
 def test_a_keep_out_zone_is_the_grabs_alone_and_a_slow_one_nobodys():
     wall = Box(name="road", middle=(10, 5, 5), size=(1, 1, 9))
     near = Clearance(of(zones=(Zone(kind="keep_out", shape=wall), Zone(kind="slow", shape=wall)))).near(POSE)

@@ -1,8 +1,8 @@
 """The least distance of a long run by coal, without asking it at every tick: exact all the same.
 
 Between two ticks nothing of the machine moves further than the farthest of its parts' ends and corners
-does.  So a tick needs no asking where what was found before it, less that way, is still more than the least
-distance known.
+does, and no thing further than the fastest of them.  So a tick needs no asking where what was found before
+it, less both ways, is still more than the least distance known.
 """
 
 from collections.abc import Mapping
@@ -11,6 +11,8 @@ from itertools import product
 import numpy as np
 
 from specs import pose, shapes
+from specs.outlines import away
+from specs.scenario import TICK_S
 from specs.scene import Scene
 from specs.shapes import BASE
 from verification.scenes.contacts import Contacts, contacts
@@ -18,16 +20,19 @@ from verification.scenes.contacts import Contacts, contacts
 STEPS = (16, 8, 4, 2, 1)  # ticks between those that are asked, one after the other
 
 
-def closest(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], ground: bool = True) -> Contacts:
-    """`contacts` of a run in a scene that stands still; distances of ticks not asked are infinite."""
-    way = np.concatenate([[0.0], np.cumsum(_ways(angles, sizes))])
+def closest(
+    scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], times: np.ndarray, ground: bool = True
+) -> Contacts:
+    """`contacts` of a run; distances of ticks not asked are infinite."""
+    ways = _ways(angles, sizes) + _things_ways(scene, times)
+    way = np.concatenate([[0.0], np.cumsum(ways)])
     known, zones = np.full(len(angles), np.inf), np.full(len(angles), np.inf)
     found, least = ("", "", 0), np.inf
     for step in STEPS:
         rows = _open(known, zones, way, step)
         if not len(rows):
             continue
-        asked = contacts(scene, angles[rows], sizes, np.zeros(len(rows)), ground)
+        asked = contacts(scene, angles[rows], sizes, times[rows], ground)
         known[rows], zones[rows] = asked.distance, asked.zones
         if asked.distance.min() < least:
             least = asked.distance.min()
@@ -36,9 +41,12 @@ def closest(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], ground
 
 
 def judged(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float]) -> tuple[float, float, str]:
-    """Least distance to anything but the ground, of the grab to keep-out zones [m], and what came so near."""
-    found = closest(scene, angles, sizes, ground=False)
-    text = f"{found.part} to {found.solid} at {found.at_tick * 0.02:.2f} s"
+    """Least distance to anything but the ground, of the grab to keep-out zones [m], and what came so near.
+
+    The first row of `angles` is at the scene's time 0.
+    """
+    found = closest(scene, angles, sizes, TICK_S * np.arange(len(angles)), ground=False)
+    text = f"{found.part} to {found.solid} at {found.at_tick * TICK_S:.2f} s"
     return float(found.distance.min()), float(found.zones.min()), text
 
 
@@ -53,6 +61,14 @@ def _open(known: np.ndarray, zones: np.ndarray, way: np.ndarray, step: int) -> n
     moved = way[rows] - way[before]
     near = known[before] - moved < known.min()
     return rows[near | (zones[before] - moved < zones.min())]
+
+
+def _things_ways(scene: Scene, times: np.ndarray) -> np.ndarray:
+    """How far any thing or zone moves at most between each two ticks, m."""
+    found = [np.zeros(len(times) - 1)]
+    for thing in (*scene.things, *scene.keep_outs()):
+        found.append(np.linalg.norm(np.diff(away(thing, times), axis=0), axis=1))
+    return np.max(found, axis=0)
 
 
 def _ways(angles: np.ndarray, sizes: Mapping[str, float]) -> np.ndarray:

@@ -102,7 +102,7 @@ def _shape(solid: Solid) -> Any:
         return coal.Box(*solid.size)
     if isinstance(solid, Cylinder):
         return coal.Cylinder(solid.radius, solid.height)
-    return coal.Halfspace(np.array(solid.unit), float(np.dot(solid.unit, solid.point)))
+    return coal.Halfspace(np.array(solid.unit), 0.0)  # through its point: `_transforms` puts it there
 
 
 def _transforms(solid: Solid, times: np.ndarray) -> list[Any]:
@@ -112,13 +112,13 @@ def _transforms(solid: Solid, times: np.ndarray) -> list[Any]:
     def place(at: Solid) -> Any:
         turn = np.eye(3)
         if isinstance(at, HalfSpace):
-            return coal.Transform3s(turn, np.zeros(3))
+            return coal.Transform3s(turn, np.array(at.point))
         if isinstance(at, Cylinder):
             return coal.Transform3s(turn, np.array(at.foot) + np.array([0.0, 0.0, at.height / 2]))
         angle = np.radians(at.turn_deg)
         turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
         return coal.Transform3s(turn, np.array(at.middle))
 
-    if not solid.path or isinstance(solid, HalfSpace):
+    if not solid.path:
         return [place(solid)] * len(times)
     return [place(moved(solid, (x, y, z))) for x, y, z in away(solid, times).tolist()]

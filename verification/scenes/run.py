@@ -104,6 +104,7 @@ class Ran:
     legs: tuple[Leg, ...]
     begins: tuple[int, ...]
     parts: tuple[str, ...] = ()  # for which the guard stepped in at each tick; "": it did not
+    stopped: int | None = None  # tick at which a leg was to begin that no longer has a path
 
 
 def names() -> list[str]:
@@ -155,20 +156,24 @@ class Course:
         self.foreseen = planned(scene, follows, seed)
         self.taken: list[Leg] = []
         self.begins: list[int] = []
+        self.stopped: int | None = None
 
     @property
     def ended(self) -> bool:
         """Whether the last leg has begun, or one cannot."""
-        return len(self.taken) == len(self.foreseen) or bool(self.taken and self.taken[-1].path is None)
+        return len(self.taken) == len(self.foreseen) or self.stopped is not None
 
     def begin(self, tick: int) -> Path | None:
-        """The path of the next leg from this tick on; None where there is none."""
+        """The path of the next leg from this tick on; None where there is none: the run stops there."""
         number = len(self.taken)
         last = self.taken[-1].path if number else None
         start = pose_of(self._legs.planner.scene.start) if last is None else last.angles[-1]
         self.taken.append(self._legs.leg(start, number, tick * TICK_S))
         path = self.taken[-1].path
-        self.begins += [] if path is None else [tick]
+        if path is None:
+            self.stopped = tick
+        else:
+            self.begins.append(tick)
         return path
 
     @property
@@ -192,7 +197,7 @@ def _follow(case: Case, course: Course) -> Ran:
 
     seconds = course.longest_s + AFTER_S
     record, parts = _driven(case, bare(bool(case.guarding)), offered(SYSTEM), answer, seconds)
-    return Ran(case, record, tuple(course.taken), tuple(course.begins), parts)
+    return Ran(case, record, tuple(course.taken), tuple(course.begins), parts, course.stopped)
 
 
 def _aimed(case: Case, course: Course | None) -> Ran:
@@ -200,7 +205,8 @@ def _aimed(case: Case, course: Course | None) -> Ran:
     system, settings = _controlled(case.driver.removesuffix(LED), bool(case.guarding))
     aims = Aims(case.scene, course, lead_s(case.driver.removesuffix(LED)))
     record, parts = _driven(case, system, SENSED, aims, aims.longest_s + AFTER_S, settings)
-    return Ran(case, record, tuple(course.taken if course else ()), tuple(aims.begins), parts)
+    legs, stopped = (tuple(course.taken), course.stopped) if course else ((), None)
+    return Ran(case, record, legs, tuple(aims.begins), parts, stopped)
 
 
 @cache

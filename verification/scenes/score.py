@@ -22,11 +22,15 @@ EVERY = 10  # ticks between the samples of the cross-track error that are kept
 SAMPLES = "cross_track"  # a row's samples, which summaries pool
 PICTURE = "picture"  # what a page draws of a run
 PICTURE_TICKS = 10  # between the poses of it
+STOP = ("scene", "machine", "seed", "stopped_s", "reason")  # what a summary says of a run that stopped
 GUARD_SUMS = ("interventions", "start_too_near", "targets_too_near")
 
 
 def score(ran: Ran) -> dict[str, Any]:
-    """The row of one run; of a scene without a plan it has the reason and no figures."""
+    """The row of one run; of a scene without a plan it has the reason and no figures.
+
+    `stopped_s` is when a run stopped whose next leg no longer had a path; `reason` has what stood in its way.
+    """
     case = ran.case
     reasons = [f"{_towards(ran, k)}: {leg.reason}" for k, leg in enumerate(ran.legs) if leg.reason]
     row: dict[str, Any] = {
@@ -44,6 +48,7 @@ def score(ran: Ran) -> dict[str, Any]:
     return {
         **row,
         "driven": True,
+        "stopped_s": None if ran.stopped is None else ran.stopped * TICK_S,
         "contact": met.ticks > 0,
         "contact_s": met.ticks * TICK_S,
         "clearance": float(met.distance.min()),
@@ -188,6 +193,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "machines": len({row["machine"] for row in rows}),
         "runs": len(driven),
         "without_plan": {row["scene"]: row["reason"] for row in rows if not row["driven"]},
+        "stopped": [{name: row[name] for name in STOP} for row in driven if row["stopped_s"] is not None],
         "plan_p50_s": float(np.quantile(plans, 0.5)) if plans else None,
         "plan_p95_s": float(np.quantile(plans, 0.95)) if plans else None,
         "cross_track_p95": float(np.quantile(samples, 0.95)) if samples else None,

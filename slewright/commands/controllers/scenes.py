@@ -121,12 +121,23 @@ def scenes(
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
+        for text in _stops(name, figures["stopped"]):
+            typer.echo(text)
     _write_pages(page, mark, chosen, found, controllers, guard)
     if records is not None:
         typer.echo(f"written: records and films in {records}")
     figures = found["controllers"]
     first = {name: value for name, value in figures[controllers[0]].items() if name != "families"}
     write(json, {**first, **figures, **found}, seed=seed)
+
+
+def _stops(name: str, stopped: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """A sentence for each run that stopped because the way to its next target was no longer free."""
+    for run in stopped:
+        yield (
+            f"stopped: {name} in {run['scene']}, machine {run['machine']}, {run['stopped_s']:.1f} s after "
+            f"its start: the way on is no longer free; {run['reason']}"
+        )
 
 
 def _write_pages(

@@ -100,6 +100,9 @@ def guard(
     stops: Annotated[int, typer.Option("--stopping", min=0, help="Stops measured against the bounds.")] = 200,
     rounds: Annotated[int, typer.Option(min=3, help="Interleaved timings of each tick.")] = 15,
     seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 1,
+    moving: Annotated[
+        bool, typer.Option("--moving", help="Episodes in yards with things that move and planes that tilt.")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """The guard's promise under adversarial search; what stopping needs, speed and time that it costs."""
@@ -107,7 +110,7 @@ def guard(
     from verification.scenes.closest import judged
 
     with progress("bench guard") as report:
-        figures = run(episodes, first, stops, rounds, seed, judged, report)
+        figures = run(episodes, first, stops, rounds, seed, moving, judged, report)
     write(json, figures)
     for table in figures_of_guard(figures):
         show(*table)

@@ -110,8 +110,11 @@ def bundle(
             guard=scene,
         )
     if commissioning:
+        from deployment.bundling import commissioned
         from deployment.commissioning import again
 
+        for text in commissioned.read(commissioning).touched:
+            typer.echo(text)
         failures = [*failures, *again.failures(made, commissioning)]
     for text in training_range.at_start(Path(controller)) if controller.endswith(".onnx") else ():
         typer.echo(f"warning: {text}", err=True)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from records.foxglove import film
+from records.foxglove import film, surroundings
 from records.record import Record
 from specs import outlines, scene as scenes, shapes, urdf
 from specs.foxglove import MACHINE, MOVING, PLAN, SURROUNDINGS
@@ -62,6 +62,16 @@ def test_everything_that_stands_still_is_there_once(filmed: dict[str, list[tuple
     assert (pole.size.x, pole.size.z, pole.pose.position.z) == (0.6, 6.0, 3.0)
     assert len(found["hopper"].cubes) == 5
     assert found["target 1"].spheres[0].size.x == 2 * YARD.tolerance_m
+
+
+def test_without_a_time_what_moves_is_shown_all_along_its_path():
+    from foxglove import messages as made
+
+    found = surroundings.still(YARD, 0, made, everywhere=True).encode()
+    names = [f"cart, place {number}".encode() for number in (1, 2, 3)]
+    assert all(name in found for name in names)
+    assert b"place 4" not in found
+    assert not any(name in surroundings.still(YARD, 0, made).encode() for name in (b"cart", *names))
 
 
 def test_a_height_map_is_triangles_and_a_half_space_a_plate(filmed: dict[str, list[tuple[int, Any]]]):

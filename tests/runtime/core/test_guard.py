@@ -116,16 +116,18 @@ def test_the_balls_cover_the_machine() -> None:
             assert away <= 0.05  # what the ends leave out: part of guard_clearance
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_within_a_sweep_nothing_is_nearer_than_the_room_says(guard: Guard, seed: int) -> None:
-    """Poses and swings anywhere in a sweep, against boxes by themselves: no table, no balls."""
+@pytest.mark.parametrize(
+    ("seed", "moving"), [*((k, False) for k in range(4)), *((k, True) for k in range(4))]
+)
+def test_within_a_sweep_nothing_is_nearer_than_the_room_says(guard: Guard, seed: int, moving: bool) -> None:
+    """Poses and swings anywhere in a sweep, at any time, against boxes by themselves: no table, no balls."""
     coal = pytest.importorskip("coal")
     assert coal
     from verification.scenes.contacts import contacts
 
-    random_ = np.random.default_rng(seed)
-    scene = draws.yard(seed, 12)
-    stand = Stand(joystick(scene, bundles.folder() / f"sweep-{seed}"))
+    random_, times = np.random.default_rng(seed), np.linspace(-1.0, 30.0, 60)
+    scene = draws.yard(seed, 12, moving)
+    stand = Stand(joystick(scene, bundles.folder() / f"sweep-{seed}-{moving}"))
     for _ in range(6):
         angles = draws.pose(random_)
         stand.room(angles)
@@ -134,7 +136,7 @@ def test_within_a_sweep_nothing_is_nearer_than_the_room_says(guard: Guard, seed:
         swing = 2.0 * math.asin(min(found[6] / 2.0, 1.0)) * np.sqrt(random_.random(60))
         turn = random_.uniform(0.0, 2 * math.pi, 60)
         rows = np.column_stack([poses, swing * np.cos(turn) * 0.99, swing * np.sin(turn) * 0.7])
-        met = contacts(scene, rows, shapes.sizes(), np.zeros(60), ground=False)
+        met = contacts(scene, rows, shapes.sizes(), times, ground=False)
         least = min(met.distance.min(), met.zones.min())
         if found[7] >= 0.0:
             assert least > 0.1, (angles, found)

@@ -84,6 +84,18 @@ def test_everything_is_drawn_as_plain_data():
     assert drawn["targets"] == [list(HERE.xyz)]
 
 
+def test_without_a_time_of_the_scene_a_thing_is_drawn_everywhere_that_it_comes():
+    """A cart that comes from 8 m beside to 1 m on the other side."""
+    guards = around.of_bundle(YARD)
+    assert guards
+    carts = [solid for solid in guards.drawn["solids"] if solid["name"] == "cart"]
+    assert not any(solid["path"] for solid in guards.drawn["solids"])
+    assert len(carts) == 10
+    sides = sorted(min(y for _, y in cart["outline"]) for cart in carts)
+    assert sides == pytest.approx(np.arange(-8.5, 1.0, 1.0))
+    assert len(around.Around(YARD, "the run's").drawn["solids"]) == len(guards.drawn["solids"]) - 9
+
+
 def test_a_run_of_a_scene_plays_with_its_clearance(tmp_path: Path):
     playback = Playback(open_timeline(run_in_the_yard(tmp_path)))
     assert asked(playback, "/api/catalogue")["around"]["name"] == "yard"
