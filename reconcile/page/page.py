@@ -82,7 +82,8 @@ def _head(figures: Mapping[str, Any], title: str) -> str:
     tone = TONES.get(figures["verdict"], "none") + (" long" if len(sentence) > LONG else "")
     return (
         f"<header><h1>Slewright · reconcile {escape(title)}</h1>"
-        f"<p class='verdict {tone}'>{escape(sentence + '.' * bool(more))}</p><p>{escape(more)}</p>"
+        f"<p class='verdict {tone}'>{escape(sentence + '.' * bool(more))}</p>"
+        f"{sections.meaning(figures)}<p>{escape(more)}</p>"
         f"{shell.facts(_facts(figures))}</header>"
     )
 

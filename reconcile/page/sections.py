@@ -60,6 +60,13 @@ def _effect(e: Figures) -> str:
     )
 
 
+def meaning(figures: Figures) -> str:
+    """What the names in the first sentence stand for: a line with the equation of each effect."""
+    found = {e["name"]: equation(e["equation"], e["parameters"]) for e in figures["effects"]}
+    lines = [f"<li>{escape(name)}: {text}</li>" for name, text in found.items()]
+    return f"<ul class='plain'>{''.join(lines)}</ul>" if lines else ""
+
+
 def _where(e: Figures) -> str:
     port = "" if e["port"] == e["subsystem"] else f" at {e['port']}"
     certain = "named" if e["verdict"] == "named" else "not told from its alternatives"

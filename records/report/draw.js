@@ -14,7 +14,7 @@ const template = {
   layout: {
     font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: ink },
     paper_bgcolor: "#fff", plot_bgcolor: "#fff", xaxis: axis, yaxis: axis,
-    margin: { l: 60, r: 12, t: 8, b: 44 },
+    margin: { l: 60, r: 12, t: 54, b: 44 }, // a row for the buttons above the legend
     legend: { orientation: "h", x: 0, y: 1, xanchor: "left", yanchor: "bottom", font: { size: 12 } },
     modebar: { bgcolor: "rgba(255,255,255,0.85)", color: "#8a939c", activecolor: "#134a7c" },
     hoverlabel: { font: { size: 12 } },

@@ -340,3 +340,9 @@ def test_what_the_held_out_part_says_against_an_answer_is_said(verdict: str, aft
         "angle": {"floor": 0.002, "nominal": 0.01, "after": 0.004},
     }
     assert reports._held_out(verdicts.Verdict(verdict, "", "at_floor"), gaps) == said
+
+
+def test_the_page_says_first_what_a_named_effect_is(page, figures):
+    first = page[: page.index("</header>")]
+    assert "coulomb_friction" in first
+    assert first.count("class='equation'") == len({e["name"] for e in figures["effects"]})
