@@ -267,8 +267,8 @@ _RECIPES = (
     Recipe(
         "path_field", "ours, led along planned paths, seeing more of the way and the distances to things: "
         "goes on from `path.onnx` by the simulation's gradient",
-        start="path.onnx", weights=_AMONG, **{**_FAMILY, **_EXACT, "envs": 128}, **_SEEING, iterations=240,
-        rate=1e-3,
+        start="path.onnx", weights=_AMONG, **{**_FAMILY, **_EXACT, "envs": 96, "episode_s": 12.0}, **_SEEING,
+        iterations=260, rate=7e-4,
     ),
     Recipe(
         "path_field_ppo", "the same by PPO: goes on from `path.onnx`", method="ppo", start="path.onnx",
