@@ -268,7 +268,7 @@ _RECIPES = (
         "path_field", "ours, led along planned paths, seeing more of the way and the distances to things: "
         "goes on from `path.onnx` by the simulation's gradient",
         start="path.onnx", weights=_AMONG, **{**_FAMILY, **_EXACT, "envs": 96, "episode_s": 12.0}, **_SEEING,
-        iterations=260, rate=7e-4,
+        iterations=240, rate=7e-4,
     ),
     Recipe(
         "path_field_ppo", "the same by PPO: goes on from `path.onnx`", method="ppo", start="path.onnx",

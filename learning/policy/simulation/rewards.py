@@ -118,10 +118,14 @@ def limits(i: Instant, s: Shape) -> Tensor:
 
 
 def clearance(i: Instant, s: Shape) -> Tensor:
-    """Ours: -(share of KEEP_M that a part is nearer than that to a thing)^2, summed over parts."""
+    """Ours: -(share of KEEP_M that a part is nearer than that to a thing)^2, summed over parts.
+
+    From a contact on it grows with the depth alone, so that few machines deep in a thing do not rule.
+    """
     if i.near is None:
         return torch.zeros_like(i.slew)
-    return -((KEEP_M - i.near) / KEEP_M).clamp(min=0.0).square().sum(0)
+    share = ((KEEP_M - i.near) / KEEP_M).clamp(min=0.0)
+    return -torch.where(share < 1.0, share.square(), 2.0 * share - 1.0).sum(0)
 
 
 TERMS: Mapping[str, Callable[[Instant, Shape], Tensor]] = {
