@@ -1,6 +1,6 @@
-"""What a policy that is led along a path may see beside sensors and target: the way, and distances to things.
+"""What a policy that is led may see beside sensors and target: more of its way, and distances to things.
 
-    for each time of `waypoints_s`, the place of the grab on the way after that time (0: where it is to be now)
+    for each time of `waypoints_s`, the place of the grab on the way after that time (0: where it is to be)
         way_slew[T]      q_slew less the angle of that place, wrapped to -pi .. pi, rad
         way_radius[T]    its distance from the slew axis, m
         way_z[T]         its height, m
@@ -16,12 +16,13 @@ this page as code.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 PARTS = ("tool", "tool_second", "arm")  # of the tool the two nearest things, of the arm the nearest
 JOINTS = ("slew", "boom", "stick")
 PLACE = ("slew", "radius", "z")
 MOST_WAYPOINTS = 20
-MOST_AHEAD_S, MOST_FIELD_M = 10.0, 20.0
+MOST_WAYPOINT_S, MOST_FIELD_M = 10.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -45,11 +46,11 @@ class Ahead:
         """What of it is not valid, in words."""
         found = []
         times = self.waypoints_s
-        if len(times) > MOST_WAYPOINTS or any(not 0.0 <= t <= MOST_AHEAD_S for t in times):
+        if len(times) > MOST_WAYPOINTS or any(not 0.0 <= t <= MOST_WAYPOINT_S for t in times):
             found.append(
-                f"waypoints_s {list(times)} (valid: up to {MOST_WAYPOINTS} from 0 to {MOST_AHEAD_S:g})"
+                f"waypoints_s {list(times)} (valid: up to {MOST_WAYPOINTS} from 0 to {MOST_WAYPOINT_S:g})"
             )
-        elif any(a >= b for a, b in zip(times, times[1:], strict=False)):
+        elif any(a >= b for a, b in pairwise(times)):
             found.append(f"waypoints_s {list(times)} (valid: each later than the one before)")
         if not 0.0 <= self.field_m <= MOST_FIELD_M:
             found.append(f"field_m {self.field_m!r} (valid: 0 to {MOST_FIELD_M:g})")

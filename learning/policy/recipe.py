@@ -272,8 +272,8 @@ _RECIPES = (
     ),
     Recipe(
         "path_field_ppo", "the same by PPO: goes on from `path.onnx`", method="ppo", start="path.onnx",
-        weights=_AMONG, **{**_FAMILY, **_EXACT, "envs": 512}, **_SEEING, asymmetric=True, iterations=500,
-        rate=2e-4, deviation=0.1, deviation_least=0.02, discount=0.97, norm=1.0,
+        weights=_AMONG, **{**_FAMILY, **_EXACT, "envs": 512}, **_SEEING, asymmetric=True, iterations=400,
+        rate=2e-4, deviation=0.1, deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,

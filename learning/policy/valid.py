@@ -10,7 +10,7 @@ from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 from learning.policy.simulation.rewards import TERMS
-from specs.ahead import MOST_AHEAD_S, MOST_FIELD_M, MOST_WAYPOINTS, Ahead
+from specs.ahead import MOST_FIELD_M, MOST_WAYPOINT_S, MOST_WAYPOINTS, Ahead
 from specs.errors import InputError
 from specs.policy import MOST_CHANGE, MOST_HISTORY, MOST_LEAD_S, PRIORS, SPACING_S
 
@@ -95,7 +95,7 @@ SIZES = Rule(
 )
 TIMES = Rule(
     lambda v: isinstance(v, tuple) and all(_is_number(t) for t in v) and not Ahead(v).faults(),
-    f"[SECONDS,…] from 0 to {MOST_AHEAD_S:g}, each later than the one before, up to {MOST_WAYPOINTS}",
+    f"[SECONDS,…] from 0 to {MOST_WAYPOINT_S:g}, each later than the one before, up to {MOST_WAYPOINTS}",
 )
 SOME_TERMS = Rule(
     lambda v: isinstance(v, tuple) and all(isinstance(n, str) and n in TERMS for n in v),

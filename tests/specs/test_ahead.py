@@ -20,16 +20,15 @@ def test_what_is_ahead_comes_after_all_else() -> None:
     assert len(names) == policy.size(5, SEES) == 69 + 2 * 3 + 3 * 4
     assert names[69:72] == ("way_slew[0]", "way_radius[0]", "way_z[0]")
     assert names[75:79] == ("tool_distance", "tool_by_slew", "tool_by_boom", "tool_by_stick")
-    assert NOTHING.names == () and not NOTHING
+    assert NOTHING.names == ()
+    assert not NOTHING
 
 
 def test_entries_are_by_the_page() -> None:
     """Angles past the places in the nearest turn, distances up to where they are seen."""
     places = [(0.0, 10.0, 5.0), (-6.0, 0.0, 4.0)]
     slopes = [[9.0, 1.0, 2.0], [0.0, 0.0, 0.0], [-3.0, 0.5, 0.0]]
-    found = dict(
-        zip(SEES.names, SEES.entries(-3.0, places, [0.4, 7.0, -0.1], slopes), strict=True)
-    )
+    found = dict(zip(SEES.names, SEES.entries(-3.0, places, [0.4, 7.0, -0.1], slopes), strict=True))
     assert found["way_slew[0]"] == pytest.approx(-3.0 - math.pi / 2 + 2 * math.pi)
     assert found["way_slew[0.8]"] == pytest.approx(-3.0 - math.pi + 2 * math.pi)
     assert (found["way_radius[0]"], found["way_z[0.8]"]) == (10.0, 4.0)
@@ -43,7 +42,7 @@ def test_the_contract_goes_through_the_file_and_others_stay_as_they_were() -> No
     assert policy.read_contract(metadata, "mine.onnx") == CONTRACT
     assert CONTRACT.ahead == SEES
     told = json.loads(policy.contract("full").as_json())
-    assert "waypoints_s" not in told and "field_m" not in told
+    assert not {"waypoints_s", "field_m"} & set(told)
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ class Seeing:
         self._policy, self._ahead = policy, policy.contract.ahead
         self._field = Field(scene) if self._ahead.field_m else None
         self._history = History(policy.contract.history)
-        self._held = dict.fromkeys(ACTIONS, 0.0)
+        self._held: dict[str, float] = dict.fromkeys(ACTIONS, 0.0)
         self._arrival = Arrival()
         self._way = np.empty((0, 3))  # of the grab at each tick, m
         self._now = 0  # ticks since the scene began

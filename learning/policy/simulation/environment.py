@@ -20,7 +20,7 @@ from fmus.equations import kinematics
 from fmus.models.slew_nn.network import HISTORY as SPEEDS, SlewNetwork
 from learning.policy.features import errors
 from learning.policy.recipe import Randomisation, Recipe
-from learning.policy.simulation.ahead import entries, near
+from learning.policy.simulation.ahead import near, of_things, of_way
 from learning.policy.simulation.drive import Drive
 from learning.policy.simulation.family import members
 from learning.policy.simulation.field import Field
@@ -146,8 +146,8 @@ class Environment:
         zero = torch.zeros(self.n, device=self.device)
         found = Situation(
             state, machine, zero.expand(len(CHANNELS), self.recipe.history, -1), zero.expand(LATE + 1, 2, -1),
-            zero.expand(3, -1), state.q, self.at(way, self.lead)[1:], way, things, told, self.uniform(*r.pace), bias,
-            zero.long(),
+            zero.expand(3, -1), state.q, self.at(way, self.lead)[1:], way, things, told,
+            self.uniform(*r.pace), bias, zero.long(),
         )  # fmt: skip
         row = self._row(found)
         return replace(found, sensors=row[:, None].expand(-1, self.recipe.history, -1))
@@ -173,9 +173,7 @@ class Environment:
         radius, height = self.plant.tip(_in_row(torch.cat([angles[1:], 0.0 * angles[1:]])))[0]
         place = torch.stack([radius, height - kinematics.geometry().tool_length]).view(2, -1, self.n)
         way = torch.cat([angles[:1], place])
-        things = (
-            drawn(self.field, self.uniform, angles) if self.field else way.new_zeros(0, 0, self.n)
-        )
+        things = drawn(self.field, self.uniform, angles) if self.field else way.new_zeros(0, 0, self.n)
         return -self.at(way, self.lead)[0], way, things
 
     def at(self, way: Tensor, period: Tensor | int) -> Tensor:
@@ -214,7 +212,12 @@ class Environment:
         """Observations [N, n] (specs/policy.py)."""
         rows = s.sensors.reshape(-1, self.n)
         seen = torch.cat([rows, s.target, s.told[None], s.pace[None]])
-        return torch.cat([seen, *entries(self, s)]) if self.ahead else seen
+        if not self.ahead:
+            return seen
+        told = self.told(s)[0]
+        places = [self.at(s.way, s.age + round(t / SPACING_S)) for t in self.ahead.waypoints_s]
+        things = [of_things(s, told, self.field, self.ahead)] if self.field else []
+        return torch.cat([seen, *of_way(s, told, places), *things])
 
     def advance(self, s: Situation, action: Tensor) -> Situation:
         """0.1 s on with limited commands [3, n]; slew-only: the arm stays, whatever its references."""
@@ -267,7 +270,7 @@ class Environment:
         return Instant(
             error, action[:used], last[:used], q, many(lambda s: s.start), many(lambda s: s.state.omega[-1]),
             arm[2], arm[3], tool[2], tool[3], tool[0], tool[1], low, torch.zeros_like(low),
-            near(self, after) if self.field else None,
+            near(after, [self.told(s)[0] for s in after], self.field) if self.field else None,
         )  # fmt: skip
 
     def error(self, s: Situation) -> Tensor:

@@ -64,7 +64,7 @@ class Field:
         return torch.stack([d for d, _ in chosen]), torch.stack([b for _, b in chosen]), things
 
     def _between(self, poses: Tensor, ball: Tensor, boxes: Tensor) -> Tensor:
-        """Distance [3, moves, n] of the chosen balls [3, n] to their boxes [ROWS, 3, n] at poses [5, moves, n]."""
+        """Distance [3, moves, n] of chosen balls [3, n] to boxes [ROWS, 3, n] at poses [5, moves, n]."""
         _, moves, n = poses.shape
         places = self.balls(poses.reshape(len(poses), -1)).view(3, -1, moves, n)
         index = ball[None, :, None].expand(3, -1, moves, -1)
@@ -122,5 +122,3 @@ def _frames(angles: ca.SX, p: dict[str, float]) -> dict[str, tuple[Any, Any]]:
         turn = ca.SX.eye(3) + ca.sin(angle) * cross + (1.0 - ca.cos(angle)) * (cross @ cross)
         found[joint.child] = (turned @ turn, origin + turned @ ca.DM(joint.origin))
     return found
-
-

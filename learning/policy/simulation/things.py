@@ -1,7 +1,7 @@
 """Things beside the ways that a policy learns to be led along: boxes where a planner would lead past them.
 
 Each stands beside the place of the grab at some time of the way, on the ground or above it: a wall, a thing
-to reach over, a beam.  One that the way passes too near at another time, with the tool hanging, is taken away.
+to reach over, a beam.  One that the way passes too near at another time, the tool hanging, is taken away.
 """
 
 import math
@@ -24,7 +24,7 @@ Uniform = Callable[..., Tensor]  # (low, high, *shape) -> [*shape, n]
 
 
 def drawn(field: Field, uniform: Uniform, angles: Tensor) -> Tensor:
-    """Things [COUNT + 1, ROWS, n] beside ways of slew, boom and stick [3, periods, n]; the last: the ground."""
+    """Things [COUNT + 1, ROWS, n] beside ways of slew, boom, stick [3, periods, n]; the last: the ground."""
     n = angles.shape[2]
     seen = angles[:, ::STRIDE]
     poses = torch.cat([seen, torch.zeros(2, *seen.shape[1:], device=angles.device)])
@@ -53,5 +53,3 @@ def _kept(field: Field, box: Tensor, balls: Tensor) -> Tensor:
     far = box.clone()
     far[2] = -GONE_M
     return torch.where(away.amin((0, 1)) >= GAP[0], box, far)
-
-

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -135,7 +136,7 @@ def test_what_is_nearer_than_is_to_be_kept_costs() -> None:
         ("path", {"field_m": -1.0}, "field_m = -1"),
     ],
 )
-def test_recipes_that_cannot_be_are_refused(name: str, changed: dict[str, object], named: str) -> None:
+def test_recipes_that_cannot_be_are_refused(name: str, changed: dict[str, Any], named: str) -> None:
     with pytest.raises(InputError, match=named):
         recipe(name, **changed)
 

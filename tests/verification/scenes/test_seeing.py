@@ -19,7 +19,7 @@ from learning.policy.gradient import begin
 from learning.policy.network import Interface, shaped, weights_of
 from learning.policy.recipe import recipe
 from specs.errors import InputError
-from specs.policy import ACTIONS, CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, contract, layout
+from specs.policy import ACTIONS, CHANNELS, SENSORS, SLEW_ERROR, contract, layout
 from tests.learning.policy.simulation.test_field import BOXES, SCENE, N, environment, things_of
 from verification.evaluation import policies
 from verification.scenes import run
@@ -99,7 +99,6 @@ def test_it_answers_ten_times_a_second_and_needs_a_path() -> None:
     assert all(one is asked[0] for one in asked[:PERIOD])
     assert asked[PERIOD] is not asked[0]
     assert set(asked[0]) == set(ACTIONS)
-    assert SPACING_S == pytest.approx(PERIOD * 0.02)
 
 
 def test_where_there_is_no_scene_it_is_refused(file: Path) -> None:

@@ -93,9 +93,10 @@ def test_what_a_thing_costs_has_a_slope_by_where_the_machine_is() -> None:
         return replace(s, state=replace(s.state, q=q))
 
     here, there = beside(0.0), beside(1e-3)
-    distance = near(e, [here])
+    assert e.field
+    distance = near([here], [told], e.field)
     (slope,) = torch.autograd.grad(distance.sum(), [here.state.q])
-    changed = ((near(e, [there]) - distance) / 1e-3).detach().sum(0)
+    changed = ((near([there], [told], e.field) - distance) / 1e-3).detach().sum(0)
     assert told.shape == slope.shape
     assert float((slope - changed).abs().median()) < 0.05
 
