@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from fmus.models.slew_nn.untrained import untrained
-from learning.policy import controller, export
+from learning.policy import controller, export, unseeing
 from learning.policy.export import Policy
 from learning.policy.features import OUTPUTS, features, mirrored
 from learning.policy.gradient import GradientTrainer, begin
@@ -145,3 +145,21 @@ def test_those_that_ship_and_see_nothing_have_no_such_keys() -> None:
     told = export.read(PATH).contract
     assert not told.ahead
     assert replace(told).as_json().count("field_m") == 0
+
+
+def test_without_its_distances_a_policy_answers_as_where_nothing_is_near(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = export.write(made(), tmp_path / "seeing.onnx"), tmp_path / "less.onnx"
+    unseeing.main([str(file), "--out", str(out)])
+    less, whole = export.read(out), export.read(file)
+    assert less.contract.ahead == Ahead(SEES.waypoints_s)
+    alone = [len(specs.layout(5, less.contract.ahead)) + k for k in (0, 4, 8)]
+    for row in seen(5):
+        row[alone] = SEES.field_m
+        np.testing.assert_allclose(less(row[: -4 * 3]), whole(row), rtol=1e-12)
+    with pytest.raises(SystemExit) as ended:
+        unseeing.main([str(PATH), "--out", str(tmp_path / "none.onnx")])
+    assert ended.value.code == 2
+    assert "path.onnx sees no distances" in capsys.readouterr().err
+    assert not (tmp_path / "none.onnx").exists()
