@@ -273,9 +273,9 @@ _RECIPES = (
     ),
     Recipe(
         "path_field_ppo", "the same by PPO: goes on from `path_field.onnx`", method="ppo",
-        start="path_field.onnx",
-        weights=_AMONG, **{**_FAMILY, **_EXACT, **_ALWAYS_FRESH}, **_SEEING, asymmetric=True, iterations=260,
-        rate=2e-4, deviation=0.1, deviation_least=0.02, ending=-8.0,
+        start="path_field.onnx", weights=_AMONG, **{**_FAMILY, **_EXACT, **_ALWAYS_FRESH}, **_SEEING,
+        asymmetric=True, iterations=100, rate=1e-4, schedule="fixed", steps=48, trace=0.9, deviation=0.05,
+        deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,
