@@ -24,6 +24,7 @@ from specs.policy import (
     TARGETS,
     History,
     check_shapes,
+    check_signals,
     read_contract,
 )
 
@@ -157,4 +158,5 @@ def _session(path: Path) -> tuple[Any, int]:
     contract = read_contract(session.get_modelmeta().custom_metadata_map, str(path))
     ends = [{v.name: v.shape for v in found} for found in (session.get_inputs(), session.get_outputs())]
     check_shapes(ends[0], ends[1], contract, str(path))
+    check_signals(contract, str(path))
     return session, contract.history

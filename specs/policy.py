@@ -13,6 +13,7 @@ period, where a policy has one (`change`): it starts from the newest u_slew of t
     then, once
         target_radius, target_z                the target in the x-z plane: hypot(target_x, target_y), height
         load_told, pace                        as the signals of these names
+    then what a policy that is led sees of its way and of things (specs/ahead.py); most see nothing of them
 
 The target is told in the plane through the slew axis, and its direction as an error: with the newest angle
 q and the target's angle a = atan2(target_y, target_x), the newest slew_error is q - a wrapped to -pi .. pi,
@@ -29,6 +30,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Literal
 
+from specs.ahead import NOTHING, Ahead
 from specs.errors import InputError, nearest
 from specs.signals import signal
 from specs.version import VERSION
@@ -65,17 +67,17 @@ JOINED = ("", "transformer")  # layers one after the other with tanh between the
 META = "slewright.policy"  # key of the ONNX metadata that holds `Contract.as_json`
 
 
-def layout(history: int = HISTORY) -> tuple[str, ...]:
-    """Name of each of the N entries of an observation: "q_boom[-4]" … "q_boom[0]" (now), …, "pace"."""
+def layout(history: int = HISTORY, ahead: Ahead = NOTHING) -> tuple[str, ...]:
+    """Name of each of the N entries of an observation: "q_boom[-4]" … "q_boom[0]" (now), …, "pace", …"""
     if not 1 <= history <= MOST_HISTORY:
         raise InputError(f"a history of {history} values: valid are 1 to {MOST_HISTORY}")
     rows = [f"{name}[{i - history + 1}]" for name in CHANNELS for i in range(history)]
-    return (*rows, *ONCE)
+    return (*rows, *ONCE, *ahead.names)
 
 
-def size(history: int = HISTORY) -> int:
+def size(history: int = HISTORY, ahead: Ahead = NOTHING) -> int:
     """Number of entries of an observation."""
-    return len(CHANNELS) * history + len(ONCE)
+    return len(CHANNELS) * history + len(ONCE) + len(ahead.names)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +95,8 @@ class Contract:
     specs_version: str = VERSION
     change: float = 0.0  # limit inside the graph: u_slew's change a period stays below it; 0: without limit
     lead_s: float = 0.0  # its target moves along a way and is told this much ahead; 0: it stands
+    waypoints_s: tuple[float, ...] = ()  # beside that, places of the way ahead that it sees (specs/ahead.py)
+    field_m: float = 0.0  # and the distance up to which it sees things; 0: none
     prior: str = ""  # a law inside the graph that the network's answer is added to (PRIORS)
     network: str = ""  # how its layers are joined (JOINED)
     data_sha256: str = ""  # of the slew networks it was trained with
@@ -100,12 +104,19 @@ class Contract:
     made: Mapping[str, Any]  # command, seed, commit, figures
 
     def as_json(self) -> str:
-        """As it stands in the ONNX metadata."""
-        return json.dumps(self.__dict__, sort_keys=True, allow_nan=False)
+        """As it stands in the ONNX metadata; what few policies have is left out of the others' files."""
+        told = {k: v for k, v in self.__dict__.items() if v or k not in Ahead.__dataclass_fields__}
+        return json.dumps(told, sort_keys=True, allow_nan=False)
+
+    @property
+    def ahead(self) -> Ahead:
+        """What it sees of its way and of things."""
+        return Ahead(self.waypoints_s, self.field_m)
 
     def differences(self) -> list[str]:
         """How it differs from the contract on this page; empty if it does not."""
-        wanted = contract(self.task if self.task in TASKS else TASKS[-1], self.history)
+        seen = {"waypoints_s": self.waypoints_s, "field_m": self.field_m}
+        wanted = contract(self.task if self.task in TASKS else TASKS[-1], self.history, **seen)
         found = [f"task {self.task!r} (valid: {', '.join(TASKS)})"] if self.task not in TASKS else []
         found += [f"prior {self.prior!r} (valid: {', '.join(PRIORS)})"] if self.prior not in PRIORS else []
         if self.network not in JOINED:
@@ -114,6 +125,9 @@ class Contract:
             found.append(f"change {self.change!r} (valid: 0 to {MOST_CHANGE:g})")
         if not 0.0 <= self.lead_s <= MOST_LEAD_S:
             found.append(f"lead_s {self.lead_s!r} (valid: 0 to {MOST_LEAD_S:g})")
+        found += self.ahead.faults()
+        if self.ahead and not (self.lead_s and self.task == "full"):
+            found.append("waypoints_s or field_m (valid: for task full with a lead_s alone)")
         for name in ("format", "rate_hz", "spacing_s"):
             if getattr(self, name) != getattr(wanted, name):
                 found.append(f"{name} {getattr(self, name)!r}, specs say {getattr(wanted, name)!r}")
@@ -130,7 +144,8 @@ def contract(task: str, history: int = HISTORY, **about: Any) -> Contract:
     if task not in TASKS:
         raise InputError(f"no task '{task}'; valid: {', '.join(TASKS)}")
     filled = {"ranges": {}, "made": {}, **about}
-    return Contract(task=task, history=history, layout=layout(history), limits=LIMITS, **filled)
+    seen = Ahead(**{name: filled[name] for name in Ahead.__dataclass_fields__ if name in filled})
+    return Contract(task=task, history=history, layout=layout(history, seen), limits=LIMITS, **filled)
 
 
 def read_contract(metadata: Mapping[str, str], source: str) -> Contract:
@@ -149,6 +164,7 @@ def read_contract(metadata: Mapping[str, str], source: str) -> Contract:
                 **told,
                 "layout": tuple(told["layout"]),
                 "actions": tuple(told["actions"]),
+                "waypoints_s": tuple(float(v) for v in told.get("waypoints_s", ())),
                 "limits": {k: (float(v[0]), float(v[1])) for k, v in told["limits"].items()},
                 "ranges": {k: (float(v[0]), float(v[1])) for k, v in told["ranges"].items()},
             }
@@ -182,6 +198,15 @@ def check_shapes(inputs: Mapping[str, Sequence[Any]], outputs: Mapping[str, Sequ
     for what, have, want in zip(("input", "output"), (inputs, outputs), wanted, strict=True):
         if {name: list(shape) for name, shape in have.items()} != want:
             raise InputError(f"{source}: {what} {_shapes(have)}; specs/policy.py says {_shapes(want)}")
+
+
+def check_signals(found: Contract, source: str) -> None:
+    """InputError for a policy that sees more than signals tell: a way ahead, distances to things."""
+    if found.ahead:
+        raise InputError(
+            f"{source}: it sees its way ahead or the distances to things, which no signal tells; "
+            "only slewright scenes SCENE --controller FILE@path knows them"
+        )
 
 
 def outside(ranges: Mapping[str, tuple[float, float]], values: Mapping[str, float]) -> list[str]:

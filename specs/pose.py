@@ -11,6 +11,7 @@ import numpy as np
 from specs import urdf
 from specs.shapes import BASE, Capsule
 
+BALL_M = 0.4  # between the balls along a capsule, between which a distance is at most 0.03 m too large
 ANGLES = ("q_slew", "q_boom", "q_stick", "imu_tool_pitch", "imu_tool_roll")  # signals that joints turn by
 Frame = tuple[np.ndarray, np.ndarray]  # rotations (n, 3, 3) into the base and origins (n, 3)
 
@@ -38,6 +39,12 @@ def points(found: Mapping[str, Frame], link: str, place: tuple[float, float, flo
 def ends(found: Mapping[str, Frame], capsule: Capsule) -> tuple[np.ndarray, np.ndarray]:
     """Both ends of a capsule's line in the base, (n, 3) each."""
     return points(found, *capsule.start), points(found, *capsule.end)
+
+
+def along(capsule: Capsule, p: Mapping[str, float]) -> np.ndarray:
+    """Places (m), 0 to 1 along a capsule's line, of the balls that stand for it."""
+    start, end = ends(frames(np.zeros((1, len(ANGLES))), p), capsule)
+    return np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(end - start) / BALL_M))
 
 
 def grab(angles: np.ndarray, p: Mapping[str, float]) -> np.ndarray:

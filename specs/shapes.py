@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from specs import parameters
 
 BASE = "base"  # the frame of targets: x forward at slew angle 0, y left, z up from the ground
+TOOL = ("lines", "grab")  # capsules that swing
 Vector = tuple[float, float, float]
 
 

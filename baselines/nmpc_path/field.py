@@ -14,8 +14,6 @@ from specs import pose, shapes
 from specs.scene import Scene
 
 STEP_RAD = 1e-3
-BALL_M = 0.4  # between the balls along a capsule, between which a distance is at most 0.03 m too large
-TOOL = ("lines", "grab")
 FAR_M = 1e3
 
 
@@ -29,12 +27,8 @@ class Field:
     @cached_property
     def _capsules(self) -> list[tuple[shapes.Capsule, np.ndarray, float]]:
         """Each capsule, the places of balls along it (0 to 1), and their radius."""
-        frames, found = pose.frames(np.zeros((1, len(pose.ANGLES))), self._sizes), []
-        for capsule in shapes.capsules(self._sizes):
-            start, end = pose.ends(frames, capsule)
-            count = 2 + int(np.linalg.norm(end - start) / BALL_M)
-            found.append((capsule, np.linspace(0.0, 1.0, count), capsule.radius))
-        return found
+        every = shapes.capsules(self._sizes)
+        return [(capsule, pose.along(capsule, self._sizes), capsule.radius) for capsule in every]
 
     def planes(self, poses: np.ndarray, times: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Distances (n, 3) to the two things nearest to the tool and to the one nearest to the arm; slopes.
@@ -65,7 +59,7 @@ class Field:
             start, end = pose.ends(frames, capsule)
             balls = start[:, None, :] + places[:, None] * (end - start)[:, None, :]
             flat = balls.reshape(-1, 3)
-            held = capsule.name in TOOL
+            held = capsule.name in shapes.TOOL
             solids = self._body.solids.distance(flat)
             found = [solids, self._moving.distance(balls, times).reshape(len(flat), -1)]
             found += [self._body.keep_outs.distance(flat)] if held else []

@@ -11,7 +11,7 @@ from learning.policy import export
 from learning.policy.controller import of_policy
 from learning.policy.export import Policy
 from runtime import bundle as form
-from specs.policy import CHANNELS, LIMITS, SENSORS, TARGETS
+from specs.policy import CHANNELS, LIMITS, SENSORS, TARGETS, check_signals
 from specs.signals import signal
 
 SAMPLES, SEED = 16, 1  # observations that both engines must answer alike
@@ -20,6 +20,7 @@ SAMPLES, SEED = 16, 1  # observations that both engines must answer alike
 def content(path: Path, engine: str) -> Content:
     """What goes into the bundle of the policy in `path`; InputError for one of another contract."""
     policy = export.read(path)
+    check_signals(policy.contract, str(path))
     files = {"policy.onnx": path.read_bytes(), "parity.json": _parity(policy)}
     if engine == form.ONNXRUNTIME:
         return Content(path.stem, External([*SENSORS, *TARGETS]), engine, files)

@@ -19,7 +19,17 @@ from runtime.ros2 import loopback
 from runtime.ros2.messages import header
 from runtime.ros2.node import Node
 from runtime.ros2.wire import message
-from specs.policy import ACTIONS, INPUT, LIMITS, OUTPUT, SENSORS, TARGETS, History, read_contract
+from specs.policy import (
+    ACTIONS,
+    INPUT,
+    LIMITS,
+    OUTPUT,
+    SENSORS,
+    TARGETS,
+    History,
+    check_signals,
+    read_contract,
+)
 from specs.ros2 import POLICY, SIGNALS
 from specs.signals import signal
 
@@ -29,6 +39,7 @@ BEATS = 251
 
 session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
 contract = read_contract(session.get_modelmeta().custom_metadata_map, sys.argv[1])
+check_signals(contract, sys.argv[1])
 loopback.settings()
 node = Node(int(sys.argv[2]) if len(sys.argv) > 2 else 0, "/swing/policy")
 node.publisher("/slewright/policy", POLICY)

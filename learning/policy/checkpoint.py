@@ -13,7 +13,7 @@ from learning.policy.simulation.situation import Situation
 from specs.errors import InputError
 from specs.policy import layout
 
-FORMAT = 2
+FORMAT = 3
 NAME = "checkpoint.pt"
 KEYS = ("format", "task", "history", "layout", "recipe", "seed", "data_sha256", "state")
 KINDS = {kind.__name__: kind for kind in (Situation, State, Machine)}
@@ -54,7 +54,7 @@ def _told(recipe: Recipe, seed: int, data: str) -> dict[str, Any]:
         "format": FORMAT,
         "task": recipe.task,
         "history": recipe.history,
-        "layout": list(layout(recipe.history)),
+        "layout": list(layout(recipe.history, recipe.ahead)),
         "seed": seed,
         "data_sha256": data,
         "recipe": _plain(asdict(recipe)),

@@ -18,7 +18,16 @@ from fmus.toolchain.build import build_fmu
 from learning.policy import attention, export
 from learning.policy.export import Policy
 from learning.policy.features import commands, features, limited
-from specs.policy import ACTIONS, CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TARGETS, TICK_S
+from specs.policy import (
+    ACTIONS,
+    CHANNELS,
+    SENSORS,
+    SLEW_ERROR,
+    SPACING_S,
+    TARGETS,
+    TICK_S,
+    check_signals,
+)
 from specs.signals import signal
 
 TICKS = round(SPACING_S / TICK_S)
@@ -51,7 +60,11 @@ Written by learning/policy/controller.py; how it was made is in the file's metad
 
 
 def of_policy(policy: Policy, name: str = "policy") -> Model:
-    """The model with this policy; connectors as every controller's."""
+    """The model with this policy; connectors as every controller's.
+
+    Raises InputError for one that sees more than they tell.
+    """
+    check_signals(policy.contract, name)
     length = policy.contract.history
     kept = [f"{channel}_{i}" for channel in _kept() for i in range(length)]
     tick = _tick(policy)

@@ -35,7 +35,7 @@ class Policy:
     def __post_init__(self) -> None:
         c = self.contract
         sizes = [self.weights[0][0].shape[1], *(len(b) for _, b in self.weights)]
-        wanted = features(c.task, c.history).numel_out(0), OUTPUTS[c.task]
+        wanted = features(c.task, c.history, c.ahead).numel_out(0), OUTPUTS[c.task]
         if (sizes[0], sizes[-1]) != wanted:
             raise InputError(
                 f"a network from {sizes[0]} to {sizes[-1]} numbers; "
@@ -51,9 +51,10 @@ class Policy:
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Commands [3] for an observation [N], in double precision by numpy and CasADi."""
         c = self.contract
-        y = np.array(features(c.task, c.history)(observation)).ravel()
+        y = np.array(features(c.task, c.history, c.ahead)(observation)).ravel()
         y = np.array(attention.answer(self.weights, ca.DM(y))).ravel() if c.network else self._dense(y)
-        return np.array(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation))).ravel()
+        asked = commands(c.task, c.history, c.prior, c.change, c.ahead)(y, observation)
+        return np.array(limited()(asked)).ravel()
 
     def _dense(self, y: np.ndarray) -> np.ndarray:
         for number, (w, b) in enumerate(self.weights):
@@ -80,9 +81,10 @@ def model(policy: Policy) -> Any:
     c = policy.contract
     graph = Graph("policy")
     observation = graph.op("Cast", INPUT, to=TensorProto.DOUBLE)
-    (y,) = to_onnx(features(c.task, c.history), graph, [observation])
+    (y,) = to_onnx(features(c.task, c.history, c.ahead), graph, [observation])
     y = _network(policy, graph, y)
-    (asked,) = to_onnx(commands(c.task, c.history, c.prior, c.change), graph, [y, observation])
+    asked_of = commands(c.task, c.history, c.prior, c.change, c.ahead)
+    (asked,) = to_onnx(asked_of, graph, [y, observation])
     (action,) = to_onnx(limited(), graph, [asked])
     graph.nodes.append(helper.make_node("Cast", [action], [OUTPUT], to=TensorProto.FLOAT))
     ends = [

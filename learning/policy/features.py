@@ -17,7 +17,8 @@ import numpy as np
 
 from fmus.equations import kinematics
 from specs import parameters
-from specs.policy import ACTIONS, ARM_LIMIT, CHANNELS, LIMITS, ONCE, SLEW_ERROR
+from specs.ahead import NOTHING, PARTS, PLACE, Ahead, odd, place_name, plane_names
+from specs.policy import ACTIONS, ARM_LIMIT, CHANNELS, LIMITS, ONCE, SLEW_ERROR, size
 
 SCALES = {  # of channels with their whole history
     "u_slew": 1.0, "qd_boom_ref": 0.2, "qd_stick_ref": 0.2,
@@ -27,6 +28,7 @@ SCALES = {  # of channels with their whole history
 STEPS = {SLEW_ERROR: 0.1, "q_boom": 0.05, "q_stick": 0.05}  # rad, of older angles less the newest
 NEAR = {SLEW_ERROR: 0.1, "q_boom": 0.05, "q_stick": 0.05}  # rad: errors are also seen through tanh(e / this)
 FAR = {SLEW_ERROR: 1.5, "q_boom": 0.5, "q_stick": 0.5}
+STEEP = 10.0  # m/rad of a distance's slope by an angle: about the reach
 SLEW_CHANNELS = ("u_slew", "imu_cabin_rate_z")  # of the slew-only policy, with the slew error
 HOLD_GAIN = 0.8  # 1/s: how the slew-only policy keeps the arm on its target
 PD_GAIN, PD_DAMPING = 0.6, 0.3  # 1/s and 1 of the prior, at pace 1
@@ -44,8 +46,9 @@ ACTION_SCALE = {"u_slew": 1.0, "qd_boom_ref": ARM_LIMIT, "qd_stick_ref": ARM_LIM
 class Reader:
     """Entries of an observation [N] by name and age."""
 
-    def __init__(self, observation: Any, history: int) -> None:
+    def __init__(self, observation: Any, history: int, ahead: Ahead = NOTHING) -> None:
         self.observation, self.history = observation, history
+        self._single = (*ONCE, *ahead.names)
 
     def rows(self, channel: str) -> list[Any]:
         """A channel's values, oldest first."""
@@ -53,17 +56,17 @@ class Reader:
         return [self.observation[first + i] for i in range(self.history)]
 
     def now(self, channel: str) -> Any:
-        """A channel's newest value, or one of ONCE."""
-        if channel in ONCE:
-            return self.observation[len(CHANNELS) * self.history + ONCE.index(channel)]
+        """A channel's newest value, or one of what stands once."""
+        if channel in self._single:
+            return self.observation[len(CHANNELS) * self.history + self._single.index(channel)]
         return self.rows(channel)[-1]
 
 
 @cache
-def features(task: str, history: int) -> ca.Function:
-    """observation [N] -> the network's inputs [M], about -1 … 1."""
-    observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
-    read = Reader(observation, history)
+def features(task: str, history: int, ahead: Ahead = NOTHING) -> ca.Function:
+    """observation [N] -> the network's inputs [M], about -1 … 1; of what is `ahead` they come last."""
+    observation = ca.SX.sym("observation", size(history, ahead))
+    read = Reader(observation, history, ahead)
     joints = {SLEW_ERROR: read.now(SLEW_ERROR)}
     channels = SLEW_CHANNELS
     if task == "full":
@@ -72,34 +75,62 @@ def features(task: str, history: int) -> ca.Function:
     found = [row / SCALES[channel] for channel in channels for row in read.rows(channel)]
     for name, error in joints.items():
         found += [(row - read.now(name)) / STEPS[name] for row in read.rows(name)[:-1]]
-        found += [error / FAR[name], ca.tanh(error / NEAR[name])]
+        found += _near_and_far(name, error)
     found += [_inertia(read), (read.now("pace") - 1.0) / 0.5]
     if task == "full":
         found += [(read.now("q_boom") - 1.1) / 0.3, (read.now("q_stick") + 1.2) / 0.6]
         found += [(read.now("target_radius") - 9.0) / 2.0, (read.now("target_z") - 6.0) / 2.0]
+    found += [*_way(read, ahead), *_field(read, ahead)]
     return ca.Function("features", [observation], [ca.cse(ca.vertcat(*found))])
 
 
+def _near_and_far(name: str, error: Any) -> list[Any]:
+    return [error / FAR[name], ca.tanh(error / NEAR[name])]
+
+
+def _way(read: Reader, ahead: Ahead) -> list[Any]:
+    """Angles past those of each place of the way, as the errors to the target are seen."""
+    found: list[Any] = []
+    for seconds in ahead.waypoints_s:
+        slew, radius, z = (read.now(place_name(what, seconds)) for what in PLACE)
+        errors = {SLEW_ERROR: slew, **joint_errors(read, radius, z)}
+        found += [part for name, error in errors.items() for part in _near_and_far(name, error)]
+    return found
+
+
+def _field(read: Reader, ahead: Ahead) -> list[Any]:
+    """How near the nearest things are, 0 from `field_m` on and 1 at a contact, and that times each slope."""
+    found: list[Any] = []
+    for part in PARTS if ahead.field_m else ():
+        distance, *slopes = (read.now(name) for name in plane_names(part))
+        near = 1.0 - distance / ahead.field_m
+        found += [near, *(near * slope / STEEP for slope in slopes)]
+    return found
+
+
 @cache
-def mirrored(task: str, history: int, end: str) -> tuple[float, ...]:
+def mirrored(task: str, history: int, end: str, ahead: Ahead = NOTHING) -> tuple[float, ...]:
     """Signs of the network's inputs, or of its outputs, where left and right are exchanged."""
     if end == "outputs":
         return tuple(-1.0 if name in ODD else 1.0 for name in ACTIONS[: OUTPUTS[task]])
     turned = [-1.0 if name in ODD else 1.0 for name in CHANNELS for _ in range(history)] + [1.0] * len(ONCE)
+    turned += [-1.0 if odd(name) else 1.0 for name in ahead.names]
     at = 0.01 * ca.linspace(1.0, 2.0, len(turned))  # any observation in which nothing is 0
-    here, there = (np.array(features(task, history)(x)).ravel() for x in (at, at * ca.DM(turned)))
+    here, there = (np.array(features(task, history, ahead)(x)).ravel() for x in (at, at * ca.DM(turned)))
     return tuple(float(np.sign(a * b)) for a, b in zip(here, there, strict=True))
 
 
 @cache
-def commands(task: str, history: int, prior: str = "", change: float = 0.0) -> ca.Function:
+def commands(
+    task: str, history: int, prior: str = "", change: float = 0.0, ahead: Ahead = NOTHING
+) -> ca.Function:
     """(outputs of the network, observation) -> commands [3] in SI before they are limited.
 
     With a prior the answer is added to a plain law: slew by PD ("pd") or braking parabola ("parabola") with
     its dead band undone, arm to the target's pose.  With a `change` the joystick stays within it of the one
     that was held; the rounded limit leaves a slope to train through.
     """
-    observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
+    observation = ca.SX.sym("observation", size(history, ahead))
     y = ca.SX.sym("y", OUTPUTS[task])
     read = Reader(observation, history)
     arm = [-HOLD_GAIN * error for error in joint_errors(read).values()]
@@ -121,10 +152,14 @@ def limited() -> ca.Function:
     return ca.Function("limited", [x], [ca.vertcat(*found)])
 
 
-def joint_errors(read: Reader) -> dict[str, Any]:
-    """Angle past the one that hangs the grab on the target, as 2 tan(D / 2), of boom and stick, rad."""
+def joint_errors(read: Reader, radius: Any = None, z: Any = None) -> dict[str, Any]:
+    """Angle past the one that hangs the grab on a place, as 2 tan(D / 2), of boom and stick, rad.
+
+    `radius`, `z`: where that is, m; the target without them.
+    """
     g = kinematics.geometry()
-    dx, dz = read.now("target_radius") - g.boom_foot_x, read.now("target_z") + g.tool_length - g.boom_foot_z
+    radius, z = (read.now("target_radius"), read.now("target_z")) if radius is None else (radius, z)
+    dx, dz = radius - g.boom_foot_x, z + g.tool_length - g.boom_foot_z
     cosine = (dx * dx + dz * dz - g.boom_length**2 - g.stick_length**2) / (2 * g.boom_length * g.stick_length)
     cosine = ca.fmin(ca.fmax(cosine, -1.0), 1.0)
     sine = ca.sqrt(1.0 - cosine * cosine)

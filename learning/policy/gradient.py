@@ -16,12 +16,13 @@ from torch import Tensor, nn
 
 from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy import checkpoint
-from learning.policy.export import read
+from learning.policy.export import Weights, read
 from learning.policy.network import Interface, set_weights, shaped, weights_of
 from learning.policy.recipe import Recipe
 from learning.policy.simulation import finite
 from learning.policy.simulation.situation import HIDDEN, Situation, Step, hidden
 from learning.policy.trainer import Trainer
+from specs.ahead import NOTHING
 from specs.errors import InputError, RunError
 from specs.policy import SPACING_S
 from specs.schema import ROOT
@@ -137,18 +138,26 @@ def begin(mlp: nn.Sequential, recipe: Recipe, way: Interface) -> None:
     path = Path(recipe.start)
     policy = read(SHIPPED / path if len(path.parts) == 1 else path)
     told, wanted = policy.contract, (recipe.task, recipe.history, recipe.prior)
+    weights = policy.weights if told.ahead else _widened(policy.weights, way.inputs)
     shapes = [w.shape for w, _ in weights_of(mlp)]
     fits = recipe.network in BEGUN and (told.task, told.history, told.prior) == wanted
-    fits = fits and shapes == [w.shape for w, _ in policy.weights]
+    fits = fits and told.ahead in (NOTHING, recipe.ahead) and shapes == [w.shape for w, _ in weights]
     if fits:
-        set_weights(mlp, policy.weights)
-        pairs = zip(weights_of(mlp), policy.weights, strict=True)
+        set_weights(mlp, weights)
+        pairs = zip(weights_of(mlp), weights, strict=True)
         fits = all(np.allclose(a, b, atol=1e-5) for (a, _), (b, _) in pairs)
     if not fits:
         raise InputError(
             f"start {recipe.start}: not a {recipe.task} policy of history {recipe.history}, prior "
             f"'{recipe.prior}' and layers {list(recipe.layers)} ({recipe.network or 'plain'})"
         )
+
+
+def _widened(weights: Weights, inputs: int) -> Weights:
+    """The weights with more inputs, which come last and count for nothing at first."""
+    (first, bias), *others = weights
+    more = np.zeros((len(first), max(0, inputs - first.shape[1])), dtype=first.dtype)
+    return [(np.hstack([first, more]), bias), *others]
 
 
 def schedule(progress: float) -> float:

@@ -25,7 +25,7 @@ from learning.policy.recipe import RECIPES, Randomisation, Recipe
 from learning.policy.session import NETWORKS
 from learning.policy.simulation.environment import Environment, load_networks
 from records.metrics import BAND_DEG, LAST_S
-from specs.policy import SPACING_S
+from specs.policy import SPACING_S, check_signals
 
 DURATION_S = 15.0
 REST_S = 5.0  # of the end, in which a machine should rest
@@ -74,6 +74,7 @@ def judge_file(
 ) -> dict[str, dict[str, float]]:
     """`judge` of an exported policy on machines of these ranges."""
     c = policy.contract
+    check_signals(c, "this policy")  # no target of this environment stands on a way
     recipe = replace(
         RECIPES[c.task], history=c.history, prior=c.prior, change=c.change, random=machines, **changed
     )

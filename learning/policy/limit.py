@@ -30,7 +30,7 @@ def limit(policy: Path, change: float, out: Path) -> Path:
     return write(replace(found, contract=replace(found.contract, change=change, made=made)), out)
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """Says in one line what is wrong, as `slewright` does."""
 
     def error(self, message: str) -> NoReturn:
@@ -39,7 +39,7 @@ class _Parser(argparse.ArgumentParser):
 
 def main(words: Sequence[str] | None = None) -> None:
     """The command line."""
-    parser = _Parser(prog="python -m learning.policy.limit")
+    parser = Parser(prog="python -m learning.policy.limit")
     parser.add_argument("policy", type=Path)
     parser.add_argument("--change", type=float, required=True)
     parser.add_argument("--out", type=Path, required=True)

@@ -12,6 +12,7 @@ from learning.policy.export import Policy, Weights
 from learning.policy.features import OUTPUTS, SCALES, SLEW_CHANNELS, commands, features, mirrored
 from learning.policy.recipe import Recipe
 from learning.policy.simulation.kernel import Kernel
+from specs.ahead import NOTHING, Ahead
 from specs.policy import ACTIONS, LIMITS
 
 LEAK = 0.1  # of the gradient that passes a command at its limit
@@ -29,7 +30,8 @@ def shaped(recipe: Recipe, way: "Interface", more: int = 0) -> nn.Sequential:
     """
     sizes = way.sizes(recipe.layers)
     if recipe.network == "mirror":
-        signs = [torch.tensor(mirrored(recipe.task, recipe.history, end)) for end in ("inputs", "outputs")]
+        ends = ("inputs", "outputs")
+        signs = [torch.tensor(mirrored(recipe.task, recipe.history, end, recipe.ahead)) for end in ends]
         layers = [_Twice(a, b) for a, b in pairwise(sizes)]
         layers[0].seen, layers[-1].answered = signs
         return _stacked(layers)
@@ -202,12 +204,18 @@ class Interface:
     """Observations [N, n] to the network's inputs [n, M], and its outputs [n, k] to commands [3, n]."""
 
     def __init__(
-        self, task: str, history: int, prior: str = "", device: str = "cpu", change: float = 0.0
+        self,
+        task: str,
+        history: int,
+        prior: str = "",
+        device: str = "cpu",
+        change: float = 0.0,
+        ahead: Ahead = NOTHING,
     ) -> None:
-        self.inputs = features(task, history).numel_out(0)
+        self.inputs = features(task, history, ahead).numel_out(0)
         self.outputs = OUTPUTS[task]
-        self._commands = Kernel(commands(task, history, prior, change))
-        self._features = Kernel(features(task, history))
+        self._commands = Kernel(commands(task, history, prior, change, ahead))
+        self._features = Kernel(features(task, history, ahead))
         low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
         self.low = torch.tensor(low, device=device)[:, None]
         self.high = torch.tensor(high, device=device)[:, None]

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from fmus.models.slew_nn.network import SlewNetwork
+from learning.policy.gradient import begin
 from learning.policy.recipe import Recipe
 from learning.policy.simulation.kernel import Tanh
 from learning.policy.simulation.situation import Situation, hidden
@@ -41,7 +42,9 @@ class PpoTrainer(Trainer):
         with contextlib.redirect_stdout(io.StringIO()):  # it prints its networks
             self.algorithm = PPO.construct_algorithm(self._seen(self.now), self, _settings(recipe), device)  # type: ignore[arg-type]
         self.mlp: nn.Sequential = self.algorithm.actor.mlp
-        if recipe.prior:  # begin with the prior's own answers, as the other method does
+        if recipe.start:
+            begin(self.mlp, recipe, self.interface)
+        elif recipe.prior:  # begin with the prior's own answers, as the other method does
             with torch.no_grad():
                 self.mlp[-1].weight.mul_(0.05)  # type: ignore[operator]
         if recipe.mixed:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from learning.policy import valid
 from learning.policy.simulation.rewards import SLEW_ONLY, TERMS, Shape
+from specs.ahead import Ahead
 from specs.errors import InputError, nearest
 from specs.policy import HISTORY, TASKS
 
@@ -84,6 +85,8 @@ class Recipe:
     episode_s: float = 10.0
     ending: float = 0.0  # reward where the grab comes too low or too near and the episode ends (PPO)
     lead_s: float = 0.0  # targets move along ways and are told this much ahead; 0: they stand
+    waypoints_s: tuple[float, ...] = ()  # places of the way that are seen, s ahead (specs/ahead.py)
+    field_m: float = 0.0  # there are things beside the ways, and they are seen up to this distance; 0: none
     consecutive: float = 0.0  # share of episodes that begin where another ended, the tool still swinging
     swinging: float = 0.0  # share of fresh starts with the tool swinging
     ahead_s: float = (
@@ -128,7 +131,20 @@ class Recipe:
         valid.check(self.first.__dict__, valid.WIDTHS, "first.")
         valid.check(self.last.__dict__, valid.WIDTHS, "last.")
         valid.check(self.random.__dict__, valid.RANDOM, "random.")
+        self._check_ahead()
         self._check_method()
+
+    @property
+    def ahead(self) -> Ahead:
+        """What is seen of the way and of things."""
+        return Ahead(self.waypoints_s, self.field_m)
+
+    def _check_ahead(self) -> None:
+        """What is seen of a way needs one, and what a thing costs needs things."""
+        if self.ahead and not (self.lead_s and self.task == "full"):
+            raise InputError("waypoints_s and field_m need ways: --task full and --set lead_s=SECONDS")
+        if self.weights.get("clearance") and not self.field_m:
+            raise InputError("weights.clearance needs things: --set field_m=METRES")
 
     def _check_method(self) -> None:
         """What only the other method heeds would be ignored without a word."""
@@ -183,6 +199,7 @@ _ON_PATH = {
     "balance": 1.0, "target": 1.0, "closing": 3.0, "sway": 2.5, "action": 0.3, "keep_out": 2.0,
     "limits": 0.05,
 }  # fmt: skip
+_AMONG = {**_ON_PATH, "clearance": 6.0}
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
@@ -199,6 +216,10 @@ _FAMILY: dict[str, Any] = {
     ),
 }  # fmt: skip
 _EXACT: dict[str, Any] = {"first": Shape(0.5, 0.5), "last": Shape(0.5, 0.5)}  # beside a way
+_SEEING: dict[str, Any] = {  # the way now, before, at and after the target that is told, and things
+    "lead_s": 1.2, "waypoints_s": (0.0, 0.4, 0.8, 2.0, 3.0), "field_m": 3.0,
+}  # fmt: skip
+_ALWAYS_FRESH: dict[str, Any] = {"envs": 256, "consecutive": 0.0, "swinging": 0.5}  # PPO: ways cost time
 _SCRATCH: dict[str, Any] = {  # ours, PPO
     "method": "ppo", "deviation_least": 0.05, "asymmetric": True, "spatial": True, "episode_s": 15.0,
     "consecutive": 0.5, "first": Shape(8.0, 4.0, 0.3, 0.4), "last": Shape(1.0, 0.5, 0.1, 0.06),
@@ -243,6 +264,18 @@ _RECIPES = (
     Recipe(
         "path", "ours, led along planned paths: goes on from `full.onnx` by the simulation's gradient",
         start="full.onnx", weights=_ON_PATH, **{**_FAMILY, **_EXACT}, lead_s=1.2, iterations=500, rate=5e-4,
+    ),
+    Recipe(
+        "path_field", "ours, led along planned paths, seeing more of the way and the distances to things: "
+        "goes on from `path.onnx` by the simulation's gradient",
+        start="path.onnx", weights=_AMONG, **{**_FAMILY, **_EXACT, "envs": 96, "episode_s": 12.0}, **_SEEING,
+        iterations=240, rate=7e-4,
+    ),
+    Recipe(
+        "path_field_ppo", "the same by PPO: goes on from `path_field.onnx`", method="ppo",
+        start="path_field.onnx", weights=_AMONG, **{**_FAMILY, **_EXACT, **_ALWAYS_FRESH}, **_SEEING,
+        asymmetric=True, iterations=100, rate=1e-4, schedule="fixed", steps=48, trace=0.9, deviation=0.05,
+        deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,

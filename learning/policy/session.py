@@ -236,6 +236,8 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
         prior=chosen.prior,
         change=chosen.change,
         lead_s=chosen.lead_s,
+        waypoints_s=chosen.waypoints_s,
+        field_m=chosen.field_m,
         network=chosen.network if chosen.network in JOINED else "",
         data_sha256=training.data,
         ranges=ranges(training.trainer, chosen),

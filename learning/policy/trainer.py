@@ -29,7 +29,8 @@ class Trainer:
         torch.manual_seed(seed)
         self.recipe, self.device = recipe, device
         self.environment = Environment(recipe, networks, recipe.envs, seed, device)
-        self.interface = Interface(recipe.task, recipe.history, recipe.prior, device, recipe.change)
+        r = recipe
+        self.interface = Interface(r.task, r.history, r.prior, device, r.change, r.ahead)
         self.done = 0
         self.sources = [member.name for member in self.environment.members]  # for messages
 

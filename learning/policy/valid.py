@@ -10,6 +10,7 @@ from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 from learning.policy.simulation.rewards import TERMS
+from specs.ahead import MOST_FIELD_M, MOST_WAYPOINT_S, MOST_WAYPOINTS, Ahead
 from specs.errors import InputError
 from specs.policy import MOST_CHANGE, MOST_HISTORY, MOST_LEAD_S, PRIORS, SPACING_S
 
@@ -92,6 +93,10 @@ SIZES = Rule(
     lambda v: isinstance(v, tuple) and bool(v) and all(whole(1).holds(n) for n in v),
     "[N,…] of whole numbers from 1",
 )
+TIMES = Rule(
+    lambda v: isinstance(v, tuple) and all(_is_number(t) for t in v) and not Ahead(v).faults(),
+    f"[SECONDS,…] from 0 to {MOST_WAYPOINT_S:g}, each later than the one before, up to {MOST_WAYPOINTS}",
+)
 SOME_TERMS = Rule(
     lambda v: isinstance(v, tuple) and all(isinstance(n, str) and n in TERMS for n in v),
     'a list ["TERM",…] of ' + ", ".join(TERMS),
@@ -105,7 +110,8 @@ RECIPE: Mapping[str, Rule] = {
     "last": Rule(is_dataclass, "last.WIDTH=NUMBER"), "curriculum": NO_LESS, "late_terms": SOME_TERMS,
     "change": number(0, MOST_CHANGE), "start": TEXT, "family": TRUTH,
     "random": Rule(is_dataclass, "random.NAME=[LOW,HIGH]"), "episode_s": number(SPACING_S), "ending": FINITE,
-    "lead_s": number(0, MOST_LEAD_S), "consecutive": SHARE, "swinging": SHARE,
+    "lead_s": number(0, MOST_LEAD_S), "waypoints_s": TIMES, "field_m": number(0, MOST_FIELD_M),
+    "consecutive": SHARE, "swinging": SHARE,
     "ahead_s": number(0, MOST_AHEAD_S), "spatial": TRUTH,
     "envs": whole(1), "iterations": whole(1), "rate": POSITIVE,
     "steps": whole(1), "epochs": whole(1), "batches": whole(1), "deviation": POSITIVE,

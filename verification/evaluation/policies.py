@@ -10,7 +10,7 @@ from baselines import registry
 from fmus.paths import ROOT
 from fmus.toolchain.loader import model_folders
 from learning.policy.controller import write_folder
-from learning.policy.export import read
+from learning.policy.export import Policy, read
 from specs.errors import InputError
 from verification.comparison.plan import Question
 
@@ -60,6 +60,12 @@ def controllers(paths: Sequence[Path], led: bool = False) -> dict[Path, registry
 def lead_s(path: Path) -> float:
     """By how much a policy is led along a way; 0: it was trained for targets that stand, or says nothing."""
     return read(path).contract.lead_s if path.suffix == ".onnx" else 0.0
+
+
+def seeing(path: Path) -> Policy | None:
+    """The policy in a file if it sees more than signals tell: its way ahead, distances to things."""
+    found = read(path) if path.suffix == ".onnx" else None
+    return found if found and found.contract.ahead else None
 
 
 def check_standing(paths: Sequence[Path]) -> None:

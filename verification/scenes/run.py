@@ -30,6 +30,7 @@ from specs.version import VERSION
 from verification.evaluation import policies
 from verification.python_controller import checked, offered
 from verification.runs import SLOT, plant_parameters
+from verification.scenes.seeing import Seeing
 from verification.stepped import Answer, stepped
 
 SYSTEM = "reference"
@@ -131,7 +132,16 @@ def run(case: Case) -> Ran:
     course = Course(case.scene, case.driver if follows else "", case.seed)
     if any(leg.path is None for leg in course.foreseen):
         return Ran(case, None, course.foreseen, ())
-    return _follow(case, course) if follows else _aimed(case, course)
+    if driver := follower.find(case.driver).make(case.scene) if follows else seeing(case):
+        return _follow(case, course, driver)
+    return _aimed(case, course)
+
+
+def seeing(case: Case) -> follower.Follower | None:
+    """A policy that sees its way and things; None for a controller of targets alone."""
+    name = case.driver.removesuffix(LED)
+    found = None if name in registry.names() else policies.seeing(File(name))
+    return Seeing(case.scene, found) if found else None
 
 
 @cache
@@ -183,8 +193,8 @@ class Course:
         return sum(end.most_s + self._legs.most_wait_s for end in ends)
 
 
-def _follow(case: Case, course: Course) -> Ran:
-    driver, last = follower.find(case.driver).make(case.scene), [10**9]
+def _follow(case: Case, course: Course, driver: follower.Follower) -> Ran:
+    last = [10**9]
 
     def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
         if driver.ended and not course.ended and (path := course.begin(tick)):

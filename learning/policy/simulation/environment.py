@@ -20,13 +20,16 @@ from fmus.equations import kinematics
 from fmus.models.slew_nn.network import HISTORY as SPEEDS, SlewNetwork
 from learning.policy.features import errors
 from learning.policy.recipe import Randomisation, Recipe
+from learning.policy.simulation.ahead import near, of_things, of_way
 from learning.policy.simulation.drive import Drive
 from learning.policy.simulation.family import members
+from learning.policy.simulation.field import Field
 from learning.policy.simulation.kernel import Kernel
 from learning.policy.simulation.period import tip_of
 from learning.policy.simulation.plant import Machine, Plant, nominal
 from learning.policy.simulation.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
 from learning.policy.simulation.situation import Situation
+from learning.policy.simulation.things import drawn
 from learning.policy.simulation.ways import ARM, LEGS, ROUNDING, SLEW, Pace, ways
 from specs import parameters
 from specs.policy import CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TICK_S
@@ -63,6 +66,9 @@ class Environment:
         self._noise_step = torch.tensor(sizes, device=device)[:, None] / 2**16
         self._quiet = torch.zeros(len(sizes), self.n, device=device)
         self.lead = round(recipe.lead_s / SPACING_S)
+        self.ahead = recipe.ahead
+        self.sight = max(self.lead, *(round(t / SPACING_S) for t in (0.0, *recipe.waypoints_s)))
+        self.field = Field(device) if recipe.field_m else None
 
     # ---- random numbers ----
 
@@ -127,7 +133,7 @@ class Environment:
     def fresh(self) -> Situation:
         """New machines at rest in random poses, the tool hanging, or (share `swinging`) swinging."""
         boom, stick, *_ = self.poses()
-        error, way = self._aims(torch.stack([boom, stick]))
+        error, way, things = self._aims(torch.stack([boom, stick]))
         state = self.plant.start(error, boom, stick, self.boost)
         if self.recipe.swinging:
             moving = (self.uniform(0.0, 1.0) < self.recipe.swinging).float()
@@ -140,35 +146,37 @@ class Environment:
         zero = torch.zeros(self.n, device=self.device)
         found = Situation(
             state, machine, zero.expand(len(CHANNELS), self.recipe.history, -1), zero.expand(LATE + 1, 2, -1),
-            zero.expand(3, -1), state.q, self._at(way, self.lead)[1:], way, told, self.uniform(*r.pace), bias,
-            zero.long(),
+            zero.expand(3, -1), state.q, self.at(way, self.lead)[1:], way, things, told,
+            self.uniform(*r.pace), bias, zero.long(),
         )  # fmt: skip
         row = self._row(found)
         return replace(found, sensors=row[:, None].expand(-1, self.recipe.history, -1))
 
     def retargeted(self, now: Situation) -> Situation:
         """The same machines as they are, with new targets: angle and history turn with the target."""
-        q, way = self._aims(now.state.arm[:2])
-        target = self._at(way, self.lead)[1:]
-        turned = replace(_turned(now, q), start=q, target=target, way=way)
+        q, way, things = self._aims(now.state.arm[:2])
+        target = self.at(way, self.lead)[1:]
+        turned = replace(_turned(now, q), start=q, target=target, way=way, things=things)
         return replace(turned, pace=self.uniform(*self.random.pace), age=torch.zeros_like(now.age))
 
-    def _aims(self, arm: Tensor) -> tuple[Tensor, Tensor]:
-        """Slew errors [n] at the start, and ways [3, periods, n] from arm angles [2, n]."""
+    def _aims(self, arm: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Slew errors [n] at the start, ways [3, periods, n] from arm angles [2, n], things beside them."""
         if not self.lead:
             error = self._slew_errors()
-            return error, torch.cat([0.0 * error[None], self._targets(*arm)])[:, None]
+            way = torch.cat([0.0 * error[None], self._targets(*arm)])[:, None]
+            return error, way, torch.zeros(0, 0, self.n, device=self.device)
         turns = torch.cumsum(torch.stack([self._slew_errors() for _ in range(LEGS)]), 0)
         start = torch.cat([torch.zeros_like(arm[:1]), arm])
         further = [torch.cat([turn[None], self.poses()[:2]]) for turn in turns]
         pace = Pace(self.uniform(*SLEW), self.uniform(*ARM), self.uniform(*ROUNDING))
-        angles = ways(torch.stack([start, *further]), pace, self.periods + self.lead + 1)
+        angles = ways(torch.stack([start, *further]), pace, self.periods + self.sight + 1)
         radius, height = self.plant.tip(_in_row(torch.cat([angles[1:], 0.0 * angles[1:]])))[0]
         place = torch.stack([radius, height - kinematics.geometry().tool_length]).view(2, -1, self.n)
         way = torch.cat([angles[:1], place])
-        return -self._at(way, self.lead)[0], way
+        things = drawn(self.field, self.uniform, angles) if self.field else way.new_zeros(0, 0, self.n)
+        return -self.at(way, self.lead)[0], way, things
 
-    def _at(self, way: Tensor, period: Tensor | int) -> Tensor:
+    def at(self, way: Tensor, period: Tensor | int) -> Tensor:
         """Where targets are [3, n] in periods [n]."""
         at = torch.as_tensor(period, device=way.device).clamp(max=way.shape[1] - 1).expand(self.n)
         return way.gather(1, at.expand(3, 1, -1))[:, 0]
@@ -177,8 +185,12 @@ class Environment:
         """The target that counts [3, n]: its angle less that of the one that is told, radius and height."""
         if not self.lead:
             return torch.cat([torch.zeros_like(s.target[:1]), s.target])
-        now, told = self._at(s.way, s.age), self._at(s.way, s.age + self.lead)
+        now, told = self.at(s.way, s.age), self.told(s)
         return torch.cat([now[:1] - told[:1], now[1:]])
+
+    def told(self, s: Situation) -> Tensor:
+        """The target that is told [3, n]: angle on the way, radius, height."""
+        return self.at(s.way, s.age + self.lead)
 
     def _slew_errors(self) -> Tensor:
         low, high = self.random.slew_error
@@ -199,7 +211,13 @@ class Environment:
     def observe(self, s: Situation) -> Tensor:
         """Observations [N, n] (specs/policy.py)."""
         rows = s.sensors.reshape(-1, self.n)
-        return torch.cat([rows, s.target, s.told[None], s.pace[None]])
+        seen = torch.cat([rows, s.target, s.told[None], s.pace[None]])
+        if not self.ahead:
+            return seen
+        told = self.told(s)[0]
+        places = [self.at(s.way, s.age + round(t / SPACING_S)) for t in self.ahead.waypoints_s]
+        things = [of_things(s, told, self.field, self.ahead)] if self.field else []
+        return torch.cat([seen, *of_way(s, told, places), *things])
 
     def advance(self, s: Situation, action: Tensor) -> Situation:
         """0.1 s on with limited commands [3, n]; slew-only: the arm stays, whatever its references."""
@@ -215,7 +233,7 @@ class Environment:
         )  # fmt: skip
         if not self.lead:
             return after
-        last, told = self._at(s.way, s.age + self.lead), self._at(s.way, after.age + self.lead)
+        last, told = self.told(s), self.told(after)
         return replace(_turned(after, after.state.q + last[0] - told[0]), target=told[1:])
 
     def _row(self, s: Situation) -> Tensor:
@@ -252,6 +270,7 @@ class Environment:
         return Instant(
             error, action[:used], last[:used], q, many(lambda s: s.start), many(lambda s: s.state.omega[-1]),
             arm[2], arm[3], tool[2], tool[3], tool[0], tool[1], low, torch.zeros_like(low),
+            near(after, [self.told(s)[0] for s in after], self.field) if self.field else None,
         )  # fmt: skip
 
     def error(self, s: Situation) -> Tensor:

@@ -1,4 +1,4 @@
-"""The paper's seven reward terms, each a function of what happened in a step of 0.1 s; and six of our own.
+"""The paper's seven reward terms, each a function of what happened in a step of 0.1 s; and seven of our own.
 
 e: grab point less target [3, n] in m (full), or the slew error times ARC [1, n] (slew-only); all else as
 named. Each term is what the paper writes, without its weight; a recipe weighs them, and leaves one out by a
@@ -15,6 +15,7 @@ ARC = 10.0  # m: how far from the axis the slew-only task counts its error, so t
 MARGIN_M = 0.6  # above the keep-out height
 NEAR_M, STILL = 0.5, 0.02  # paper: where one-shot begins; m and rad/s
 STILL_TOOL = 0.005  # rad/s: below it the tool counts as still, so that the root has a slope
+KEEP_M = 0.5  # to things: a plan's clearance of 0.3 m and some of the room that it leaves for the swing
 ACTION_SCALE = (1.0, 0.2, 0.2)  # sigma_u: joystick, rad/s, rad/s
 
 
@@ -46,6 +47,7 @@ class Instant:
     pitch: Tensor
     low: Tensor  # m, of the grab below the keep-out height and MARGIN_M above it; 0 above
     beyond: Tensor  # of the network's answer past the limits, squared, over ACTION_SCALE
+    near: Tensor | None = None  # [parts, n] m, from specs.ahead.PARTS to what is nearest; None without things
 
 
 def balance(i: Instant, s: Shape) -> Tensor:
@@ -115,6 +117,17 @@ def limits(i: Instant, s: Shape) -> Tensor:
     return -i.beyond
 
 
+def clearance(i: Instant, s: Shape) -> Tensor:
+    """Ours: -(share of KEEP_M that a part is nearer than that to a thing)^2, summed over parts.
+
+    From a contact on it grows with the depth alone, so that few machines deep in a thing do not rule.
+    """
+    if i.near is None:
+        return torch.zeros_like(i.slew)
+    share = ((KEEP_M - i.near) / KEEP_M).clamp(min=0.0)
+    return -torch.where(share < 1.0, share.square(), 2.0 * share - 1.0).sum(0)
+
+
 TERMS: Mapping[str, Callable[[Instant, Shape], Tensor]] = {
     f.__name__: f
     for f in (
@@ -131,6 +144,7 @@ TERMS: Mapping[str, Callable[[Instant, Shape], Tensor]] = {
         sway,
         keep_out,
         limits,
+        clearance,
     )
 }
 PAPER = ("balance", "target", "action", "overshoot", "oscillation", "decouple", "one_shot")

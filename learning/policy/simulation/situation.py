@@ -23,6 +23,7 @@ class Situation:
     start: Tensor  # slew error when the target came
     target: Tensor  # [2, n] radius, height
     way: Tensor  # [3, periods, n] angle, radius, height of a target that moves; of one that stands one period
+    things: Tensor  # [count, rows, n] beside its way (field.py), in the way's own frame; none: [0, 0, n]
     told: Tensor  # load told
     pace: Tensor
     bias: Tensor  # [7, n] of q_slew, q_boom, q_stick, roll, pitch, roll rate, pitch rate

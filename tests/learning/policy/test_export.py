@@ -25,6 +25,7 @@ from tests.learning.policy.test_features import observations
 
 PARITY = 1e-6
 SHIPPED = sorted((ROOT / "learning" / "policies").glob("*.onnx"))
+SEEING = ("path_field.onnx",)  # what no signal tells: no FMU of them can be
 LAYERS = (32, 16)
 PRIOR = {"full": "gentle", "slew": "parabola"}  # as those that ship
 TICKS = 5
@@ -131,7 +132,7 @@ def test_the_fmu_answers_like_onnxruntime(task: str, length: int, tmp_path: Path
     check_fmu(fmu, export.write(policy, tmp_path / "policy.onnx"), length)
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", [p for p in SHIPPED if p.name not in SEEING], ids=lambda p: p.name)
 def test_the_fmu_of_a_policy_that_ships_answers_like_its_file(path: Path, tmp_path: Path) -> None:
     """What is verified and compared is what the controller runs."""
     policy = export.read(path)

@@ -26,6 +26,7 @@ HERE = Instant(
     pitch=-0.2 * ONE,
     low=0.25 * ONE,
     beyond=0.36 * ONE,
+    near=torch.tensor([[0.4], [0.25], [3.0]]),
 )
 PLAIN = Shape(1.0, 1.0, 1.0)
 BY_HAND = {
@@ -42,6 +43,7 @@ BY_HAND = {
     "sway": -math.sqrt(0.05 + 0.005**2),
     "keep_out": -0.25,
     "limits": -0.36,
+    "clearance": -(0.2**2 + 0.5**2),  # of 0.5 m
 }
 
 
