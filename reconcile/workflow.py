@@ -135,7 +135,8 @@ def examine(
         figures["sentence"] += f" {recorded_clocks.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(answer, figures)
-    doubts = mistaken.turned_parameters, mistaken.bounded_parameters, mistaken.bounded_effects, offsets.short
+    doubts = [mistaken.turned_parameters, mistaken.bounded_parameters, mistaken.bounded_effects]
+    doubts += [offsets.short, offsets.everywhere]
     for more in (*(said_of(answer) for said_of in doubts), CUT * answer.beam.cut):
         figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)

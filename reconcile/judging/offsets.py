@@ -98,6 +98,16 @@ def short(answer: Answer) -> str:
     return f"{words.listed(found)}: the finer steps of a simulation would look the same." if found else ""
 
 
+def everywhere(answer: Answer) -> str:
+    """A sentence on a delay of all outputs that is named, where several inputs may be late instead."""
+    core = answer.core
+    several = sum(any(n in r.inputs for r in core.runs) for n in core.folder.ports.controls) > 1
+    late = [a for a in answer.named if a.effect.name == "sensor_delay"]
+    if not several or not any(core.folder.ports.holds(a.port, core.outputs) for a in late):
+        return ""
+    return "Inputs that are all late by as much would look the same."
+
+
 def _late(beam: Beam, key: frozenset[Attached], a: Attached) -> float:
     return beam.points[key].values[a.name(a.effect.parameters[0].name)]
 

@@ -1,5 +1,8 @@
 """Offsets in time that are a matter of the recording, and inputs that vary between their samples."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -129,3 +132,16 @@ def test_a_point_without_its_offset_has_none_in_its_values(rig):
     point = Point((early,), (), {early.name("delay"): -0.01}, *[None] * 8)  # type: ignore[arg-type]
     (without,) = offsets.without([point], [])
     assert (without.present, without.values) == ((), {early.name("delay"): 0.0})
+
+
+@pytest.mark.parametrize(
+    ("port", "inputs", "said"),
+    [(ALL_OUTPUTS, ["a", "b"], True), (ALL_OUTPUTS, ["a"], False), ("y", ["a", "b"], False)],
+)
+def test_that_all_inputs_may_be_late_as_well_is_said(port: str, inputs: list[str], said: bool):
+    late = SimpleNamespace(effect=SimpleNamespace(name="sensor_delay"), port=port)
+    ports = SimpleNamespace(controls=["a", "b"], holds=lambda at, outputs: at == ALL_OUTPUTS)
+    runs = [SimpleNamespace(inputs=dict.fromkeys(inputs))]
+    core = SimpleNamespace(folder=SimpleNamespace(ports=ports), runs=runs, outputs=["y", "z"])
+    answer: Any = SimpleNamespace(core=core, named=[late])
+    assert bool(offsets.everywhere(answer)) == said
