@@ -138,7 +138,9 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
 
 def _turned_down(answer: Answer) -> str:
     """The likeliest effects that are not named all the same, and why."""
-    reasons = {r.effect: r.because for r in answer.judged.refused}
+    reasons = {
+        freeform.SAID.get(r.effect, r.effect).format(port=r.port): r.because for r in answer.judged.refused
+    }
     last = list(reasons)[-MOST_TURNED_DOWN:]
     if len(last) > 1 and len({reasons[n] for n in last}) == 1:
         return f" Likeliest, but turned down: {words.listed(last)} (each: {reasons[last[0]]})."

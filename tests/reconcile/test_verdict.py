@@ -142,6 +142,9 @@ def test_what_was_turned_down_is_said_where_nothing_is_named():
     answer.judged.refused = [replace(r, because="takes nothing") for r in refused[:2]]
     said = " Likeliest, but turned down: stiffness and viscous_friction (each: takes nothing)."
     assert verdicts._turned_down(answer) == said
+    answer.judged.refused = [Refused("speed_curve", "w", "takes nothing")]
+    said = " Likeliest, but turned down: a force over the speed (axis w) (takes nothing)."
+    assert verdicts._turned_down(answer) == said
     answer.judged.refused = []
     assert verdicts._turned_down(answer) == ""
 
