@@ -21,7 +21,8 @@ from slewright.__main__ import run as command
 from specs.errors import InputError
 from specs.outlines import away
 from specs.scene import Box, Goal, Scene, load
-from verification.scenes.run import Case, Course, run
+from verification.scenes.course import Course
+from verification.scenes.run import Case, run
 from verification.scenes.score import score
 
 START, END = (Goal(slew_deg=slew, radius_m=10.0, height_m=4.0) for slew in (0.0, 90.0))

@@ -8,7 +8,7 @@ import numpy as np
 from baselines.optima.around import STAYS_S, Leg
 from baselines.planning.moving import Moving
 from specs.scene import Scene
-from verification.scenes.run import planned
+from verification.scenes.course import planned
 
 
 def best(scene: Scene, seed: int) -> dict[str, Any]:

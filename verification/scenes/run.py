@@ -12,9 +12,8 @@ import numpy as np
 from baselines import registry
 from baselines.following import follower
 from baselines.following.arrival import SENSED, Arrival, End, of_path
-from baselines.planning.legs import Legs
 from baselines.planning.path import Path
-from baselines.planning.planner import Leg, Planner, pose_of
+from baselines.planning.planner import Leg, pose_of
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from orchestrator.system.assembly import assemble
@@ -30,11 +29,11 @@ from specs.version import VERSION
 from verification.evaluation import policies
 from verification.python_controller import checked, offered
 from verification.runs import SLOT, plant_parameters
+from verification.scenes.course import TICK_S, Course
 from verification.scenes.seeing import Seeing
 from verification.stepped import Answer, stepped
 
 SYSTEM = "reference"
-TICK_S = 0.02
 DIRECT_S = 25.0  # for a target at most, of a controller without a plan
 LED = "@path"  # after a controller's name: its target is moved along the planned path
 LEAD_S = 1.5  # by which that target is ahead of the plan, where a policy does not say another time
@@ -142,55 +141,6 @@ def seeing(case: Case) -> follower.Follower | None:
     name = case.driver.removesuffix(LED)
     found = None if name in registry.names() else policies.seeing(File(name))
     return Seeing(case.scene, found) if found else None
-
-
-@cache
-def _legs(scene: Scene, follows: str, seed: int) -> Legs:
-    return Legs(follower.find(follows).planner(scene) if follows else Planner(scene), seed)
-
-
-@cache
-def planned(scene: Scene, follows: str, seed: int) -> tuple[Leg, ...]:
-    """The legs of a scene for the follower of this name ("": for who is led along them), as foreseen.
-
-    They depend on nothing of a drawn machine.
-    """
-    return tuple(_legs(scene, follows, seed).foreseen())
-
-
-class Course:
-    """The legs of a run: each is chosen when it begins, since what moves has gone on."""
-
-    def __init__(self, scene: Scene, follows: str, seed: int):
-        self._legs = _legs(scene, follows, seed)
-        self.foreseen = planned(scene, follows, seed)
-        self.taken: list[Leg] = []
-        self.begins: list[int] = []
-        self.stopped: int | None = None
-
-    @property
-    def ended(self) -> bool:
-        """Whether the last leg has begun, or one cannot."""
-        return len(self.taken) == len(self.foreseen) or self.stopped is not None
-
-    def begin(self, tick: int) -> Path | None:
-        """The path of the next leg from this tick on; None where there is none: the run stops there."""
-        number = len(self.taken)
-        last = self.taken[-1].path if number else None
-        start = pose_of(self._legs.planner.scene.start) if last is None else last.angles[-1]
-        self.taken.append(self._legs.leg(start, number, tick * TICK_S))
-        path = self.taken[-1].path
-        if path is None:
-            self.stopped = tick
-        else:
-            self.begins.append(tick)
-        return path
-
-    @property
-    def longest_s(self) -> float:
-        """For all legs; each may wait for longer than was foreseen."""
-        ends = (of_path(leg.path) for leg in self.foreseen if leg.path)
-        return sum(end.most_s + self._legs.most_wait_s for end in ends)
 
 
 def _follow(case: Case, course: Course, driver: follower.Follower) -> Ran:

@@ -15,7 +15,8 @@ from specs import pose
 from specs.scenario import Target
 from specs.scene import Box, Goal, Scene
 from verification.scenes.contacts import contacts
-from verification.scenes.run import TICK_S, TRUE, Guard, Ran
+from verification.scenes.course import TICK_S
+from verification.scenes.run import TRUE, Guard, Ran
 
 STAYS_S = 0.5  # that the grab is to be within the tolerance; drivers wait longer, by their sensors
 EVERY = 10  # ticks between the samples of the cross-track error that are kept

@@ -20,7 +20,8 @@ from specs import draws, keys, parameters, pose, shapes
 from specs.scenario import Target
 from verification.python_controller import offered
 from verification.runs import plant_parameters
-from verification.scenes.run import SYSTEM, TICK_S, TRUE, bare
+from verification.scenes.course import TICK_S
+from verification.scenes.run import SYSTEM, TRUE, bare
 from verification.stepped import stepped
 
 START = Target(slew_deg=0.0, radius_m=9.5, height_m=3.5)

@@ -19,7 +19,8 @@ from slewright.__main__ import run as command
 from specs import pose, shapes
 from specs.scene import Box, Cylinder, HalfSpace, load
 from verification.scenes.contacts import contacts
-from verification.scenes.run import Aims, Case, Course, run
+from verification.scenes.course import Course
+from verification.scenes.run import Aims, Case, run
 from verification.scenes.score import score, summary
 
 TRUCK = load("truck")

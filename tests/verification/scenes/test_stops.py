@@ -15,7 +15,8 @@ from baselines.planning.planner import Leg
 from slewright.__main__ import run as command
 from slewright.commands.controllers.scenes import _stops
 from specs.scene import Goal, Scene
-from verification.scenes.run import Case, Course, run
+from verification.scenes.course import Course
+from verification.scenes.run import Case, run
 from verification.scenes.score import score, summary
 
 HERE = Goal(slew_deg=0.0, radius_m=10.0, height_m=4.0)
