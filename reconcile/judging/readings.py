@@ -11,6 +11,7 @@ from reconcile.start.units import bare, known_ratios, other_units, turned_line, 
 
 Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
+MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
 
 
@@ -81,13 +82,18 @@ def rescaled(core: Core) -> list[Reading]:
 
 
 def relabelled(core: Core) -> list[Reading]:
-    """The time in another unit, every two channels exchanged, temperatures from another zero."""
-    pairs = combinations([*inputs(core), *core.outputs], 2)
-    units = {v.name: v.unit for v in core.model.outputs}
+    """The time in another unit, every two channels exchanged, temperatures from another zero.
+
+    Of many channels those of one unit: each reading costs a fit.  A model in steps has its own clock.
+    """
+    units = {v.name: v.unit for v in (*core.model.inputs, *core.model.outputs)}
+    channels = [*inputs(core), *core.outputs]
+    pairs = [(a, b) for a, b in combinations(channels, 2) if units[a] == units[b] or len(channels) <= MANY]
     warm = [n for n in core.outputs if units[n] in ("K", "degC")]
+    clocks = [] if core.model.kind == "discrete" else CLOCKS
     zeros = [tuple((n, zero) for n in warm) for zero in (ZERO, -ZERO) if warm]
     others = [Reading(exchanged=pair) for pair in pairs] + [Reading(added=added) for added in zeros]
-    return [Reading(clock=ratio) for ratio in CLOCKS] + others
+    return [Reading(clock=ratio) for ratio in clocks] + others
 
 
 def inputs(core: Core) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from reconcile.judging import mistaken
-from reconcile.judging.readings import Reading, asked
+from reconcile.judging.readings import Reading, asked, relabelled
 from reconcile.recordings import checks
 from reconcile.recordings.data import read_run, split
 from reconcile.search.core import Core
@@ -234,3 +234,21 @@ def test_turned_channels_have_to_be_likelier_than_those_of_now_and_than_no_input
     monkeypatch.setattr(mistaken, "_fitted", lambda *a: (0.1, SimpleNamespace(total=silent)))
     point: Any = SimpleNamespace(total=turned)
     assert mistaken._likelier(core, point) is asked
+
+
+@pytest.mark.parametrize(
+    ("kind", "channels", "pairs"), [("continuous", 4, 6), ("continuous", 6, 4), ("discrete", 4, 6)]
+)
+def test_other_readings_are_few(kind: str, channels: int, pairs: int):
+    """Of six channels in two units only those of one unit may be exchanged."""
+    units = ["V", "V", "rad", "rad", "rad", "K"][:channels]
+    signals = [SimpleNamespace(name=f"c{k}", unit=unit) for k, unit in enumerate(units)]
+    model = SimpleNamespace(kind=kind, inputs=signals[:2], outputs=signals[2:])
+    runs = [SimpleNamespace(inputs={"c0": None, "c1": None})]
+    ports = SimpleNamespace(controls=["c0", "c1"])
+    core: Any = SimpleNamespace(model=model, folder=SimpleNamespace(ports=ports), runs=runs)
+    core.outputs = [s.name for s in signals[2:]]
+    found = relabelled(core)
+    assert len([r for r in found if r.exchanged]) == pairs
+    assert bool([r for r in found if r.clock != 1.0]) == (kind == "continuous")
+    assert len([r for r in found if r.added]) == (2 if channels == 6 else 0)
