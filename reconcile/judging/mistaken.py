@@ -185,7 +185,7 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float]:
     parts = Parts(moved(core.parts.fit), moved(core.parts.confirm), moved(core.parts.holdout))
     try:
         other = Core(core.folder, parts, (), core.share)
-    except InputError:  # the model runs away
+    except (InputError, np.linalg.LinAlgError):  # the model runs away
         return np.inf, np.inf
     return ahead(other, other.base), Fitter.prior(other.base.values, core.base_free)
 
