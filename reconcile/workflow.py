@@ -56,11 +56,13 @@ def reconcile(
     report: Report | None = None,
     report_only: bool = False,
     then: Callable[[Answer, dict[str, Any]], dict[str, Any]] | None = None,
+    as_stated: bool = False,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
     `report_only` leaves out what is made from the figures: the extended model and the page.  What `then`
-    makes of answer and figures is added to the report.
+    makes of answer and figures is added to the report.  `as_stated`: units, signs and names of channels are
+    not doubted.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
@@ -78,11 +80,12 @@ def reconcile(
     said("reading")
     renamed = checks.read_names(names, _variables(folder))
     sets = _read(given, folder, renamed)
-    for doubt in units.doubts(folder.model, [r for runs in sets for r in runs], renamed):
-        raise InputError(doubt.sentence)
+    if not as_stated:
+        every = [r for runs in sets for r in runs]
+        _ask(next((d.sentence for d in units.doubts(folder.model, every, renamed)), ""))
     with target.first_page(out) as page:
         first = None if report_only else partial(_show_first, page, said)
-        figures, answer = examine(folder, *sets, report=said, names=renamed, first=first)
+        figures, answer = examine(folder, *sets, report=said, names=renamed, first=first, as_stated=as_stated)
         moved = _moved(given, folder, renamed) if figures["verdict"] in verdicts.OPEN else None
         proposal = _next(answer, figures, said, moved)
         if then:
@@ -110,6 +113,7 @@ def examine(
     report: Report | None = None,
     names: Mapping[str, str] | None = None,
     first: Callable[[Core], None] | None = None,
+    as_stated: bool = False,
 ):
     """Find and name, without writing: the report's figures and the answer.
 
@@ -120,15 +124,16 @@ def examine(
     said = report or (lambda *_: None)
     said("noise of inputs")
     given = inputs.without_noise(folder, (runs, confirm, holdout))
-    answer = _searched(folder, given, said, names, first)
+    answer = _searched(folder, given, said, names, first, as_stated)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
         said("clocks that differ by recording")
         again = lambda sets: Core(folder, split(*sets))  # noqa: E731
         clocks = recorded_clocks.settled(given, clocks, again, answer.point)
-        answer = _searched(folder, [recorded_clocks.corrected(own, clocks) for own in given], said, names)
-    if asked := mistaken.doubt(answer, names):
-        raise InputError(asked)
+        given = [recorded_clocks.corrected(own, clocks) for own in given]
+        answer = _searched(folder, given, said, names, as_stated=as_stated)
+    if not as_stated:
+        _ask(mistaken.doubt(answer, names))
     said("measuring the gap")
     figures = reports.build(answer, verdicts.judge(answer))
     if clocks:
@@ -144,12 +149,18 @@ def examine(
     return figures, answer
 
 
+def _ask(question: str) -> None:
+    if question:
+        raise InputError(f"{question}; --as-stated takes the recordings as they are")
+
+
 def _searched(
     folder: Folder,
     given: Sequence[Sequence[Run]],
     said: Report,
     names: Mapping[str, str] | None = None,
     first: Callable[[Core], None] | None = None,
+    as_stated: bool = False,
 ) -> Answer:
     """The search, and again with as little noise as the model's own error by then allows.
 
@@ -160,8 +171,8 @@ def _searched(
     parts = split(*given)
     catalogue = (*ALL, offset.effect(input_period([r for runs in given for r in runs])))
     core = Core(folder, parts, catalogue)
-    if asked := mistaken.evident(core, names):
-        raise InputError(asked)
+    if not as_stated:
+        _ask(mistaken.evident(core, names))
     if first:
         first(core)
     if (share := _least_noise(core, core.base)) < 0.5 * core.share:  # the model is good by itself

@@ -32,6 +32,7 @@ def drive(
     names: Path | None = None,
     machine: str = "nominal",
     report: Report | None = None,
+    as_stated: bool = False,
 ) -> dict[str, Any]:
     """Reconcile; where an experiment is proposed, drive it and reconcile again with its recording.
 
@@ -47,7 +48,7 @@ def drive(
             f"({', '.join(plan.PLAN_COMMANDS)}); drive DIR/{plan.PLAN} on your own machine"
         )
     given = (confirm, holdout, names, report)
-    first = reconcile(runs, model, out, *given)
+    first = reconcile(runs, model, out, *given, as_stated=as_stated)
     proposal = first["next_experiment"]
     if not proposal or not proposal["plan"] or not proposal.get("collect", True):
         return first
@@ -57,7 +58,8 @@ def drive(
         for name in (target.REPORT, plan.PLAN, plan.TABLE):
             if (out / name).is_file():
                 shutil.copy2(out / name, kept)
-        figures = reconcile([new, *runs], model, out, *given, then=compare(first, new))
+        then = compare(first, new)
+        figures = reconcile([new, *runs], model, out, *given, then=then, as_stated=as_stated)
         shutil.copytree(kept, out / target.BEFORE, dirs_exist_ok=True)
     return figures
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from reconcile.equations.model import Attached
-from reconcile.judging import inputs, unidentifiable
+from reconcile.judging import inputs, mistaken, unidentifiable
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
 from reconcile.reporting.terminal import without_axis
@@ -26,6 +26,8 @@ SLIGHT = 0.1  # of the forces at a port: an effect that is told from here on is 
 def examine(paths: Sequence[Path], model: str, names: Path | None = None) -> dict[str, Any]:
     """Figures: sampling, noise by output, parameters and effects with what the recordings tell of them.
 
+    And what would be asked about units, signs and names of channels.
+
     Raises InputError for recordings or a model that cannot be used, an FMU or a system among them.
     """
     if Path(model).suffix.lower() == ".fmu":
@@ -37,7 +39,8 @@ def examine(paths: Sequence[Path], model: str, names: Path | None = None) -> dic
     for doubt in units.doubts(folder.model, runs, renamed):
         raise InputError(doubt.sentence)
     runs = list(inputs.without_noise(folder, (runs, (), ()))[0])
-    return told(Core(folder, split(runs, (), ())), runs)
+    core = Core(folder, split(runs, (), ()))
+    return told(core, runs) | {"question": mistaken.evident(core, renamed)}
 
 
 def told(core: Core, runs: Sequence[Run]) -> dict[str, Any]:
@@ -94,4 +97,5 @@ def lines(figures: dict[str, Any]) -> list[str]:
         "effects that are looked for, but nothing says before how well they show": figures["not_foretold"],
     }
     found += [f"{what}: {', '.join(names)}" for what, names in rows.items() if names]
-    return found + without_axis(figures)
+    asked = [f"question: {figures['question']}"] if figures.get("question") else []
+    return found + without_axis(figures) + asked

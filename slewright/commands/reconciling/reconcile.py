@@ -36,6 +36,9 @@ def reconcile(
     check_only: Annotated[
         bool, typer.Option("--check-only", help="Say what the recordings can and cannot tell, and stop.")
     ] = False,
+    as_stated: Annotated[
+        bool, typer.Option("--as-stated", help="Do not doubt units, signs and names of the recordings.")
+    ] = False,
     driven: Annotated[
         str | None,
         typer.Option(
@@ -92,9 +95,9 @@ def reconcile(
         then = drive.compare(drive.before(before), runs[0]) if before else None
         with progress("reconcile") as report:
             if machine is None:
-                figures = run(runs, model, out, *given, report, report_only, then)
+                figures = run(runs, model, out, *given, report, report_only, then, as_stated)
             else:
-                figures = drive.drive(runs, model, out, *given, machine, report)
+                figures = drive.drive(runs, model, out, *given, machine, report, as_stated)
         for table in terminal.tables(figures):
             show(*table)
         for line in (*terminal.lines(figures), *drive.lines(figures)):

@@ -107,7 +107,18 @@ def test_an_input_turned_round_is_asked_and_nothing_is_written(
     said = capsys.readouterr().err
     assert "column M: with the sign turned" in said
     assert f"write 'M' = '{line}' in" in said
+    assert said.rstrip().endswith("--as-stated takes the recordings as they are")
     assert not out.exists()
+
+
+def test_a_question_is_foretold_and_may_be_left_out(tmp_path: Path, capsys):
+    model, names = folder(tmp_path / "model", ROTARY), named(tmp_path / "map.toml", "torque [N.m]")
+    file, out = recorded(tmp_path / "a.csv", -1.0), tmp_path / "out"
+    given = ["reconcile", str(file), "--model", str(model), "--map", str(names)]
+    assert run([*given, "--check-only"]) == 0
+    assert "question: column M: with the sign turned" in capsys.readouterr().out
+    assert run([*given, "--out", str(out), "--report-only", "--as-stated"]) == 0
+    assert (out / "report.json").is_file()
 
 
 @pytest.mark.parametrize(
