@@ -94,16 +94,25 @@ def _facts(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Verdict", figures["verdict"].replace("_", " ")),
         ("What is left", _left(figures)),
     ]
-    closed = [c for g in figures["gap"].values() if (c := sections.closed(g)) is not None]
-    if closed:
-        least, most = percent(min(closed)), percent(max(closed))
-        found.append(("Gap closed, held out", least if least == most else f"{least} to {most}, by signal"))
+    found += _closed(figures, "Gap closed, held out", "nominal")
+    found += (
+        _closed(figures, "By the effects beside new parameters", "reestimated") if figures["effects"] else []
+    )
     if rated.get("after") is not None and rated.get("before") is not None:
         found.append(("ISO/TS 18571, held out", f"{rated['before']:.2f} → {rated['after']:.2f}"))
     runs = {b["run"] for part in figures.get("data", {}).values() for b in part}
     found += [("Recordings", str(len(runs)))] if runs else []
     found.append(("Time", f"{number(figures.get('elapsed_s'), 3)} s"))
     return found
+
+
+def _closed(figures: Mapping[str, Any], title: str, since: str) -> list[tuple[str, str]]:
+    """What is closed of a stage's gaps, from the least of a signal to the most."""
+    closed = [c for g in figures["gap"].values() if (c := sections.closed(g, since)) is not None]
+    if not closed:
+        return []
+    least, most = percent(min(closed)), percent(max(closed))
+    return [(title, least if least == most else f"{least} to {most}, by signal")]
 
 
 def _left(figures: Mapping[str, Any]) -> str:

@@ -100,9 +100,9 @@ def doubt(figures: Figures) -> str:
     )
 
 
-def closed(gap: Figures) -> float | None:
-    """Share of the nominal gap that is closed; None without one."""
-    before, after = gap["nominal"], gap["after"]
+def closed(gap: Figures, since: str = "nominal") -> float | None:
+    """Share of a stage's gap that is closed; None without one."""
+    before, after = gap[since], gap["after"]
     return None if not before or after is None else 1.0 - after / before
 
 

@@ -346,3 +346,14 @@ def test_the_page_says_first_what_a_named_effect_is(page, figures):
     first = page[: page.index("</header>")]
     assert "coulomb_friction" in first
     assert first.count("class='equation'") == len({e["name"] for e in figures["effects"]})
+
+
+def test_what_the_effects_close_is_told_from_what_new_parameters_do(figures):
+    gaps = {
+        "y": {"nominal": 4.0, "reestimated": 2.0, "after": 1.5},
+        "z": {"nominal": 1.0, "reestimated": 0.0, "after": 0.0},
+    }
+    facts = dict(_facts(figures | {"gap": gaps}))
+    assert facts["Gap closed, held out"] == "62 % to 100 %, by signal"
+    assert facts["By the effects beside new parameters"] == "25 %"
+    assert "By the effects beside new parameters" not in dict(_facts(figures | {"gap": gaps, "effects": []}))
