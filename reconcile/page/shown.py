@@ -143,7 +143,7 @@ def _missing(core: Core, r, after, effect: np.ndarray | None) -> Missing:
         )
         for g in known
     ]
-    own = _nearest(core, r, over)
+    own = _nearest(core, r, [o for o in over if np.ptp(o[2])])  # over what stands still nothing shows
     begun, times = 0.0, []
     for _, t in r.moments:  # one recording after the other
         times.append(begun + t - t[0])
