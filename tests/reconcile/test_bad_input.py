@@ -108,11 +108,11 @@ def _made(path: Path, text: str | None = None) -> Path:
     return path
 
 
-def _holed(every: int = 15) -> dict[str, Any]:
-    """Gaps of 6 samples in the position after every `every` samples."""
-    values = COLUMNS["position"].copy()
-    values[np.arange(len(values)) % every > every - 7] = np.nan
-    return {"position": values}
+def _gap(g: Given) -> None:
+    """A short recording with a gap in its middle."""
+    values = {n: v[:40].copy() for n, v in COLUMNS.items()}
+    values["position"][16:24] = np.nan
+    g.runs = [csv(g.folder / "a.csv", values, UNITS, TIME[:40])]
 
 
 def _rows(count: int) -> Callable[[Given], None]:
@@ -162,7 +162,7 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
     "given twice": (_set(runs=lambda g: [g.runs[0], g.runs[0]]), ["a.csv", "is given twice"]),
     "to fit and held out": (_set(holdout=lambda g: g.runs), ["a.csv", "to fit and for --holdout"]),
     "a copy": (_set(confirm=lambda g: [g.copied("b.csv")]), ["b.csv", "the same as", "a.csv"]),
-    "gaps": (lambda g: g.columns_are(**_holed()), ["a.csv", "without a gap", "has 12 samples"]),
+    "gaps": (lambda g: _gap(g), ["a.csv", "without a gap", "samples, and 22 are needed"]),
     "too short": (
         lambda g: setattr(
             g, "runs", [csv(g.folder / "a.csv", {n: v[:23] for n, v in COLUMNS.items()}, UNITS, TIME[:23])]
@@ -524,3 +524,10 @@ def test_an_output_that_never_changes_is_left_out_and_said_to_be(rig, value):
     answer = Answer(core, beam, Judge(beam).decide())
     noted = told(answer, {"verdict": "agrees", "nuisances": {}})["nuisances"]["a"]["mended"]
     assert any("position does not change: it is left out" in n for n in noted)
+
+
+def test_a_logger_that_writes_in_bursts_is_read_in_one_run(rig, tmp_path: Path):
+    """Nine samples of the position, then a pause of six, again and again."""
+    position = np.where(np.arange(len(TIME)) % 15 > 8, np.nan, COLUMNS["position"])
+    (run,) = read_run(csv(tmp_path / "a.csv", COLUMNS | {"position": position}, UNITS), rig)
+    assert len(run.outputs["position"].time) == np.isfinite(position).sum()
