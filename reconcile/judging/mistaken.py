@@ -11,7 +11,7 @@ import numpy as np
 
 from reconcile import words
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead
+from reconcile.errors.ahead import ahead, squares
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
@@ -121,13 +121,17 @@ def _explained(core: Core, errs: float, enough: float) -> Iterator[tuple[float, 
 
     An input's gain takes up much of another unit: where there is one, only if the model errs a lot.  So does
     a parameter of another clock, and two channels may go together either way: of these the parameters may
-    lie no farther from those of model.py.
+    lie no farther from those of model.py, and what is taken for noise counts as error.
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
     units = rescaled(core) if errs >= LOST or not inputs(core) else []
-    for reading, most in [*((r, np.inf) for r in units), *((r, stated) for r in relabelled(core))]:
-        error, nats = _refitted(core, reading)
-        if error < enough and nats < most and not _boundless(core, error, reading):
+    for reading in units:
+        error, _, nats = _refitted(core, reading)
+        if error < enough and not _boundless(core, error, reading):
+            yield error, nats, reading
+    for reading in relabelled(core):
+        error, whole, nats = _refitted(core, reading)
+        if whole < enough and nats < stated and not _boundless(core, error, reading):
             yield error, nats, reading
 
 
@@ -172,10 +176,10 @@ def _fit(
     return None if point is None else (ahead(other, point), point)
 
 
-def _refitted(core: Core, reading: Reading) -> tuple[float, float]:
+def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
     """Error ahead of the base model, fitted anew with all its scales, where the recordings are read so.
 
-    And by how many nats its parameters are then beside what model.py states.
+    Then noise and all, and by how many nats its parameters are then beside what model.py states.
     """
     runs = {id(r): reading.of(r) for r in core.runs}
 
@@ -186,8 +190,9 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float]:
     try:
         other = Core(core.folder, parts, (), core.share)
     except (InputError, np.linalg.LinAlgError):  # the model runs away
-        return np.inf, np.inf
-    return ahead(other, other.base), Fitter.prior(other.base.values, core.base_free)
+        return np.inf, np.inf, np.inf
+    whole = float(np.sqrt(squares(other, other.base)[0]))
+    return ahead(other, other.base), whole, Fitter.prior(other.base.values, core.base_free)
 
 
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
