@@ -48,7 +48,7 @@ def test_a_model_that_the_machine_cannot_drive_is_refused_before_anything_is_com
 def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tmp_path, monkeypatch):
     asked, out = [], tmp_path / "out"
 
-    def answer(runs, model, to, *rest, then=None):
+    def answer(runs, model, to, *rest, then=None, as_stated=False):
         asked.append(list(runs))
         if len(asked) > 1:
             known = {"proposal": first["next_experiment"], "before": "ambiguous", "achieved_margin": 31.0}
