@@ -11,6 +11,7 @@ import numpy as np
 from specs import urdf
 from specs.shapes import BASE, Capsule
 
+STEP_RAD = 1e-3  # of an angle, for the slope of a distance by differences
 BALL_M = 0.4  # between the balls along a capsule, between which a distance is at most 0.03 m too large
 ANGLES = ("q_slew", "q_boom", "q_stick", "imu_tool_pitch", "imu_tool_roll")  # signals that joints turn by
 Frame = tuple[np.ndarray, np.ndarray]  # rotations (n, 3, 3) into the base and origins (n, 3)

@@ -13,7 +13,6 @@ from baselines.planning.moving import Moving, settled
 from specs import pose, shapes
 from specs.scene import Scene
 
-STEP_RAD = 1e-3
 FAR_M = 1e3
 
 
@@ -37,7 +36,7 @@ class Field:
         poses.  What there is none of is far away.
         """
         count, width = poses.shape
-        moved = np.concatenate([poses, *(poses + STEP_RAD * row for row in np.eye(width))])
+        moved = np.concatenate([poses, *(poses + pose.STEP_RAD * row for row in np.eye(width))])
         tool, arm = self._distances(moved, np.tile(np.broadcast_to(times, count), 1 + width))
         tool, arm = (found.reshape(1 + width, count, -1) for found in (tool, arm))
         chosen = [(tool, 0), (tool, 1), (arm, 0)]
@@ -48,7 +47,7 @@ class Field:
                 thing = np.argsort(found[0], axis=1)[:, rank]
                 here = found[:, rows, thing]
                 distances[:, k] = here[0]
-                slopes[:, k] = ((here[1:] - here[0]) / STEP_RAD).T
+                slopes[:, k] = ((here[1:] - here[0]) / pose.STEP_RAD).T
         return distances, slopes
 
     def _distances(self, poses: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

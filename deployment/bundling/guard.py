@@ -62,9 +62,8 @@ def _carriage(sectors: Sequence[Sequence[Rect]]) -> Iterator[float]:
     """Of each sector of the slew angle: least distance of what turns with the slew to any solid."""
     points = np.vstack([surface(box, POINTS_M) for box in shapes.boxes() if box.link != BASE])
     radius, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
-    width = WIDTH
     slack = POINTS_M / math.sqrt(2.0)  # to the points between
-    solid = [(k * width, rect) for k, rects in enumerate(sectors) for rect in rects if not rect.tool_only]
+    solid = [(k * WIDTH, rect) for k, rects in enumerate(sectors) for rect in rects if not rect.tool_only]
     span = (float(radius.max()), float(points[:, 2].min()), float(points[:, 2].max()))
     near = sorted((_least(rect, *span), a, rect) for a, rect in solid if rect.r0 < radius.max() + 2.0)
     for sector in range(SECTORS):
@@ -74,9 +73,9 @@ def _carriage(sectors: Sequence[Sequence[Rect]]) -> Iterator[float]:
                 break
             # the points may be anywhere in the sector, the solid anywhere in its own
             turn = np.abs(
-                (azimuth + (sector + 0.5) * width - start - width / 2 + math.pi) % (2 * math.pi) - math.pi
+                (azimuth + (sector + 0.5) * WIDTH - start - WIDTH / 2 + math.pi) % (2 * math.pi) - math.pi
             )
-            least = min(least, float(_away(points[:, 2], radius, np.maximum(turn - width, 0.0), rect).min()))
+            least = min(least, float(_away(points[:, 2], radius, np.maximum(turn - WIDTH, 0.0), rect).min()))
         yield least - slack
 
 

@@ -168,9 +168,7 @@ class Core:
 
     def mean(self, output: str) -> float:
         """Of what the recordings show of an output."""
-        return float(
-            np.nanmean(np.concatenate([r.outputs[output].values for r in self.runs if output in r.outputs]))
-        )
+        return float(np.nanmean(self.sizes.values(output)))
 
     def force_size(self, place: str) -> float:
         """Size of what moves a place, in the unit of its disturbance."""

@@ -32,11 +32,12 @@ class Sizes:
         self.kalman, self.runs, self.period = kalman, runs, period
         self.folder, self.model, self.outputs = kalman.folder, kalman.folder.model, kalman.outputs
         self.duration_s = max(r.end_s - r.start_s for r in runs)
-        self.spread = {n: float(np.std(self._all(n))) or 1.0 for n in self.outputs}
+        self.spread = {n: float(np.std(self.values(n))) or 1.0 for n in self.outputs}
         self.step = {n: max(quantum(r.outputs[n].values) for r in runs) for n in self.outputs}
         self.memory_s = min(self._memory_s(n) for n in self.outputs)
 
-    def _all(self, output: str) -> np.ndarray:
+    def values(self, output: str) -> np.ndarray:
+        """All that the recordings show of an output."""
         return np.concatenate([r.outputs[output].values for r in self.runs])
 
     def noise(self, output: str) -> float:
@@ -50,7 +51,7 @@ class Sizes:
 
     def _floor(self, output: str) -> Floor:
         steps = self.step[output] / np.sqrt(12.0)
-        seen = max(self.noise(output), steps, 1e-7 * float(np.max(np.abs(self._all(output)))))
+        seen = max(self.noise(output), steps, 1e-7 * float(np.max(np.abs(self.values(output)))))
         sensor = self.model.sensors.get(output)
         if sensor and sensor.noise:
             start = next(p.start for p in self.model.parameters if p.name == sensor.noise)
@@ -112,7 +113,7 @@ class Sizes:
             size = float(np.max(np.abs(values))) or 1.0
             found[name] = replace(times, u=size, duration_s=self.duration_s)
         for name in self.outputs:
-            size = float(np.max(np.abs(self._all(name)))) or 1.0
+            size = float(np.max(np.abs(self.values(name)))) or 1.0
             found[name] = replace(times, y=size, step=self.step[name])
         return found
 

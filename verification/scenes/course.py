@@ -7,9 +7,8 @@ from baselines.following.arrival import of_path
 from baselines.planning.legs import Legs
 from baselines.planning.path import Path
 from baselines.planning.planner import Leg, Planner, pose_of
+from specs.scenario import TICK_S
 from specs.scene import Scene
-
-TICK_S = 0.02
 
 
 @cache

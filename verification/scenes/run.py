@@ -24,12 +24,13 @@ from records.record import Record
 from records.schema import TIME
 from specs import keys, shapes, systems as systems_spec
 from specs.errors import InputError, nearest
+from specs.scenario import TICK_S
 from specs.scene import Goal, Scene
 from specs.version import VERSION
 from verification.evaluation import policies
 from verification.python_controller import checked, offered
 from verification.runs import SLOT, plant_parameters
-from verification.scenes.course import TICK_S, Course
+from verification.scenes.course import Course
 from verification.scenes.seeing import Seeing
 from verification.stepped import Answer, stepped
 

@@ -12,10 +12,9 @@ from baselines.planning.planner import hanging, pose_of
 from records.metrics import BAND_DEG
 from records.record import Record
 from specs import pose
-from specs.scenario import Target
+from specs.scenario import TICK_S, Target
 from specs.scene import Box, Goal, Scene
 from verification.scenes.contacts import contacts
-from verification.scenes.course import TICK_S
 from verification.scenes.run import TRUE, Guard, Ran
 
 STAYS_S = 0.5  # that the grab is to be within the tolerance; drivers wait longer, by their sensors

@@ -17,10 +17,9 @@ from baselines.throwing.thrower import Thrower, delay_told
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from specs import draws, keys, parameters, pose, shapes
-from specs.scenario import Target
+from specs.scenario import TICK_S, Target
 from verification.python_controller import offered
 from verification.runs import plant_parameters
-from verification.scenes.course import TICK_S
 from verification.scenes.run import SYSTEM, TRUE, bare
 from verification.stepped import stepped
 

@@ -18,7 +18,6 @@ from specs import pose, shapes, urdf
 from specs.shapes import BASE, TOOL
 
 ROWS = 8  # of a box: its middle, half of its size [m], cosine and sine of its turn about z
-STEP_RAD = 1e-3  # of a slope
 DEEP_M = 50.0  # half the height of the box that is the ground
 WIDE_M = 500.0  # half its width
 
@@ -45,9 +44,9 @@ class Field:
         """By specs.ahead.PARTS the distances [3, n] to what is nearest, and slopes [3, 5, n] by the pose."""
         away = self.away(poses, things)
         distance, ball, thing = self._nearest(away)
-        moved = poses[:, None] + STEP_RAD * torch.eye(len(poses), device=poses.device)[:, :, None]
+        moved = poses[:, None] + pose.STEP_RAD * torch.eye(len(poses), device=poses.device)[:, :, None]
         there = self._between(moved, ball, things[thing, :, torch.arange(poses.shape[1])].permute(2, 0, 1))
-        return distance, (there - distance[:, None]) / STEP_RAD
+        return distance, (there - distance[:, None]) / pose.STEP_RAD
 
     def _nearest(self, away: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Distances [3, n] by PARTS, which ball, and which thing."""
