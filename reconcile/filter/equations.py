@@ -16,6 +16,7 @@ from reconcile.equations.extended import Extended
 
 BENDS = 4000  # operations of a second derivative by time above which it is left out
 ROOM = 4096  # numbers of scratch space
+LIMITED = ("NX", "NU", "NW", "NY", "NI", "AXES")  # sizes of the arrays of filter.c
 
 
 class Stepped(Assembly):
@@ -178,49 +179,59 @@ class Stepped(Assembly):
         self.starts |= dict(zip(begun, made[2:], strict=True))
         return made[0], made[1]
 
-    def code(self) -> tuple[str, str]:
-        """Generated C code and header for filter.c."""
-        x, u, m, _ = self.arguments
-        s = self.stages
+    @cached_property
+    def functions(self) -> dict[str, ca.Function]:
+        """All functions of filter.c."""
+        x, s = self.arguments[0], self.stages
         f, h = s["kf_f"](*self.arguments), s["kf_h"](*self.arguments)
 
-        def by(e: ca.SX, z: ca.SX) -> ca.SX:
-            return ca.densify(ca.jacobian(e, z))
+        def sloped(name: str, e: ca.SX) -> ca.Function:
+            slopes = [ca.densify(ca.jacobian(e, z)) for z in (x, self.w)]
+            return ca.Function(name, self.arguments, [e, *slopes], {"cse": True})
 
-        functions = [
-            s["kf_in"],
-            s["kf_f"],
-            s["kf_dry"],
-            s["kf_post"],
-            ca.Function("kf_fj", self.arguments, [f, by(f, x), by(f, self.w)], {"cse": True}),
-            ca.Function("kf_hj", self.arguments, [h, by(h, x), by(h, self.w)], {"cse": True}),
-            s["kf_first"],
-        ]
-        generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
-        for function in functions:
-            generator.add(function)
+        kept = {n: s[n] for n in ("kf_in", "kf_f", "kf_dry", "kf_post", "kf_first")}
+        return kept | {"kf_fj": sloped("kf_fj", f), "kf_hj": sloped("kf_hj", h)}
+
+    @cached_property
+    def axis_places(self) -> list[tuple[int, int]]:
+        """Of every axis the places of its speed and its position among the states; -1 without one."""
         index = self.state_names.index
-        axes = [(index(a.velocity), index(a.position) if a.position else -1) for a in self.axes]
-        sizes = {
+        return [(index(a.velocity), index(a.position) if a.position else -1) for a in self.axes]
+
+    @cached_property
+    def sizes(self) -> dict[str, int | float]:
+        """What filter.c needs to know of the model, by its names there."""
+        x, u, m, _ = self.arguments
+        return {
             "NX": x.numel(),
             "NU": u.numel(),
             "NM": m.numel(),
             "NW": self.w.numel(),
-            "NY": h.numel(),
+            "NY": len(self.recorded),
             "NI": len(self.memory_names),
             "NH": len(self.state_names) - len(self.model.states),
-            "AXES": len(axes) if self.model.kind == "continuous" else 0,
+            "AXES": len(self.axes) if self.model.kind == "continuous" else 0,
             "POSTS": int(bool(self.shown)),
             "W0": self.w0,
             "DT": self.dt_at,
             "EARLY": self.dt_at + 1,
             "STEP": float(self.model.step) if self.model.kind == "discrete" else 1.0,
             "DISCRETE": int(self.model.kind == "discrete"),
-            # in steps, so that sets of effects share the driver
-            "SZ_W": ROOM * (1 + max(g.sz_w() for g in functions) // ROOM),
-            "SZ_IW": ROOM * (1 + max(g.sz_iw() for g in functions) // ROOM),
         }
-        header = "".join(f"#define {n} {v}\n" for n, v in sizes.items())
-        for name, column in (("axis_v", 0), ("axis_q", 1)):
-            header += f"static const int {name}[] = {{{', '.join(str(a[column]) for a in axes) or '-1'}}};\n"
+
+    def code(self) -> tuple[str, str]:
+        """Generated C code and header for filter.c."""
+        generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
+        for function in self.functions.values():
+            generator.add(function)
+        # in steps, so that sets of effects share the driver
+        room = {
+            "SZ_W": ROOM * (1 + max(g.sz_w() for g in self.functions.values()) // ROOM),
+            "SZ_IW": ROOM * (1 + max(g.sz_iw() for g in self.functions.values()) // ROOM),
+        }
+        most = {f"MOST_{n}": n for n in LIMITED}
+        header = "".join(f"#define {n} {v}\n" for n, v in (self.sizes | room | most).items())
+        for column, name in enumerate(("axis_v", "axis_q")):
+            listed = ", ".join(str(a[column]) for a in self.axis_places) or "-1"
+            header += f"static const int {name}[] = {{{listed}}};\n"
         return generator.dump().replace("#include <math.h>", '#include "slw_math.h"'), header

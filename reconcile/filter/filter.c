@@ -1,6 +1,6 @@
 /* Extended Kalman filter of a model with ports over one recording.
  *
- * Compiled together with generated equations, dense and column-major, each of (x, u, m, p):
+ * Of equations that are dense and column-major, each of (x, u, m, p):
  *   kf_f    -> dx/dt (a model in steps: its next state)
  *   kf_fj   -> the same, d/dx, d/dw (w: the disturbances, part of u)
  *   kf_dry  -> speeds per second that dry friction takes off each axis, forwards then backwards
@@ -12,16 +12,27 @@
  * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable) in substeps that
  * share the slopes at its start.  Dry friction is a step of its own after each: it takes off the speed until that is
  * zero, and what stands goes on only where it is driven by more.  Each w is an Ornstein-Uhlenbeck process.  Outputs come one at a time; a missing one (NaN) is passed over.
+ *
+ * Compiled once for all models, whose sizes and equations come with each run (ANY_MODEL: any_model.h), or for the sizes of
+ * one, beside its compiled equations.  Both compute the same bits.
  */
 #include <math.h>
 #include <string.h>
 
-#include "filter.h" /* generated: NX, NU, NM, NW, NY, NI, AXES, axis_v, axis_q, DT, EARLY, STEP, W0, DISCRETE, SZ_W, SZ_IW */
+/* NX, NU, NM, NW, NY, NI, NH, AXES, POSTS, axis_v, axis_q, DT, EARLY, STEP, W0, DISCRETE, SZ_W, SZ_IW; MOST_...: no smaller */
+#ifdef ANY_MODEL
+#include "any_model.h"
+#else
+#include "filter.h" /* generated */
+#endif
 
 typedef int Function(const double **arg, double **res, long long *iw, double *w, int mem);
 Function kf_f, kf_fj, kf_dry, kf_post, kf_hj, kf_in, kf_first;
 
 #define N (NX + NW)
+#define MOST_N (MOST_NX + MOST_NW)
+#define COPY(to, from, n) memcpy(to, from, sizeof(*(from)) * (size_t)(n))
+#define CLEAR(a, n) memset(a, 0, sizeof(*(a)) * (size_t)(n))
 #define GAMMA 0.29289321881345254
 #define LEAK 0.1 /* slope of a stuck speed by the one before: a filter that sees none never comes loose */
 #define CLIP 4.0 /* deviations beyond which an innovation counts no more */
@@ -58,6 +69,7 @@ typedef struct {
 } Run;
 
 typedef double V __attribute__((vector_size(32)));
+#define MOST_QUADS ((MOST_NX + 3) / 4)
 #define QUADS ((NX + 3) / 4) /* Vs that hold the states: of a transition so many for each state and disturbance that it is from */
 #define ROW (4 * QUADS) /* numbers in them */
 
@@ -134,14 +146,14 @@ static void solve(const double *a, const int *pivot, int n, double *b, int colum
 
 /* What a step is made with: rates and their slopes where it begins, and the factors for substeps of h. */
 typedef struct {
-  double f[NX], b[NX * NW + 1], ab[NX * N], lu[NX * NX]; /* ab: [n x (n + NW)] row-major */
-  V phi[N * QUADS]; /* what a substep makes of each state and disturbance */
-  int pivot[NX];
+  double f[MOST_NX], b[MOST_NX * MOST_NW + 1], ab[MOST_NX * MOST_N], lu[MOST_NX * MOST_NX]; /* ab: [n x (n + NW)] row-major */
+  V phi[MOST_N * MOST_QUADS]; /* what a substep makes of each state and disturbance */
+  int pivot[MOST_NX];
 } Slopes;
 
 /* Slopes at the start of a step, for all of its substeps: ROS2 keeps its order with any of them; 0 if singular. */
 static int linearise(const Run *run, const double *x, const double *u, const double *m, double h, Slopes *s, int slopes) {
-  static double a[NX * NX], k1[NX * N], k2[NX * N];
+  static double a[MOST_NX * MOST_NX], k1[MOST_NX * MOST_N], k2[MOST_NX * MOST_N];
   const int n = run->active, wide = n + NW;
   const int *at = run->state;
   call(kf_fj, x, u, m, run->p, s->f, a, s->b);
@@ -161,7 +173,7 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
   }
   if (!factor(s->lu, s->pivot, n)) return 0;
   if (!slopes) return 1;
-  memcpy(k1, s->ab, sizeof(double) * (size_t)(n * wide));
+  COPY(k1, s->ab, n * wide);
   solve(s->lu, s->pivot, n, k1, wide);
   for (int i = 0; i < n; i++) {
     for (int j = 0; j < wide; j++) k2[i * wide + j] = s->ab[i * wide + j] - 2.0 * k1[i * wide + j];
@@ -178,14 +190,14 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
   return 1;
 }
 
-#if AXES
+#if MOST_AXES
 #include "dry_friction.h"
 
 /* Dry friction of a substep from the state `started`: at the speed where it begins, then between that and where it ends.
  * What it takes off is damped over the step as all else is, so that it lets go at its level whatever the step. */
 static void rub(const Run *run, const double *started, double *x, const double *u, const double *m, double h,
                 const Slopes *s, double *phi) {
-  static double dry[2 * AXES], between[NX];
+  static double dry[2 * MOST_AXES], between[MOST_NX];
   const int n = run->active, wide = n + NW;
   call(kf_dry, started, u, m, run->p, dry, 0, 0);
   for (int k = 0; k < AXES; k++) {
@@ -201,7 +213,7 @@ static void rub(const Run *run, const double *started, double *x, const double *
     const double left = (1.0 + (0.5 - 2.0 * GAMMA) * z) / ((1.0 - GAMMA * z) * (1.0 - GAMMA * z));
     Dry levels = {left * dry[k], left * dry[AXES + k], run->creep[k]};
     Sliding end = slid(old, (v - old) / h, levels, h);
-    memcpy(between, started, sizeof between);
+    COPY(between, started, NX);
     between[axis] = 0.5 * (old + end.y);
     call(kf_dry, between, u, m, run->p, dry, 0, 0);
     if (left * dry[k] != levels.forwards || left * dry[AXES + k] != levels.backwards) {
@@ -224,23 +236,23 @@ static void rub(const Run *run, const double *started, double *x, const double *
 /* One substep of the active states from rates f; 0 if it runs away.  Dry friction changes the slopes phi, if any. */
 static int substep(const Run *run, double *x, const double *f, const double *u, const double *m, double h, const Slopes *s,
                    double *phi) {
-  static double g[NX], k1[NX], k2[NX], moved[NX], started[NX];
+  static double g[MOST_NX], k1[MOST_NX], k2[MOST_NX], moved[MOST_NX], started[MOST_NX];
   const int n = run->active;
   const int *at = run->state;
   if (DISCRETE) {
-    memcpy(x, f, sizeof g); /* states that follow inputs alone are known: they are not active, but move */
+    COPY(x, f, NX); /* states that follow inputs alone are known: they are not active, but move */
   } else {
     for (int i = 0; i < n; i++) k1[i] = f[at[i]];
     solve(s->lu, s->pivot, n, k1, 1);
-    memcpy(moved, x, sizeof moved);
-    memcpy(started, x, sizeof started);
+    COPY(moved, x, NX);
+    COPY(started, x, NX);
     for (int i = 0; i < n; i++) moved[at[i]] += h * k1[i];
     call(kf_f, moved, u, m, run->p, g, 0, 0);
     for (int i = 0; i < n; i++) k2[i] = g[at[i]] - 2.0 * k1[i];
     solve(s->lu, s->pivot, n, k2, 1);
     for (int i = 0; i < n; i++) x[at[i]] += h * (1.5 * k1[i] + 0.5 * k2[i]);
-#if AXES
-    rub(run, started, x, u, m, h, s, phi);
+#if MOST_AXES
+    if (AXES) rub(run, started, x, u, m, h, s, phi);
 #else
     (void)phi;
 #endif
@@ -254,19 +266,20 @@ static int substep(const Run *run, double *x, const double *f, const double *u, 
 /* Sums of rows of Vs: row i of `out` is the sum over l < many of a[i, l] b[l]; a by rows that are `apart`. */
 static void product(const double *a, int apart, int rows, int many, const V *b, V *out) {
   for (int i = 0; i < rows; i++) {
-    V sum[QUADS] = {0};
+    V sum[MOST_QUADS];
+    CLEAR(sum, QUADS);
     for (int l = 0; l < many; l++) {
       for (int v = 0; v < QUADS; v++) sum[v] += a[i * apart + l] * b[l * QUADS + v];
     }
-    memcpy(out + i * QUADS, sum, sizeof sum);
+    COPY(out + i * QUADS, sum, QUADS);
   }
 }
 
 /* Covariance over a step: P = phi P phi' of the states, the disturbances kept. */
 static void spread(double *P, const V *phi, int n) {
   if (n > NX) return;
-  static V moved[N * QUADS], after[NX * QUADS];
-  static double rows[NX * N];
+  static V moved[MOST_N * MOST_QUADS], after[MOST_NX * MOST_QUADS];
+  static double rows[MOST_NX * MOST_N];
   const double *half = (const double *)moved, *whole = (const double *)after;
   const int wide = n + NW;
   product(P, wide, wide, wide, phi, moved);
@@ -283,10 +296,10 @@ static void spread(double *P, const V *phi, int n) {
 /* total = phi total: the transition over all of a step, of the disturbances themselves none. */
 static void follow(V *total, const V *phi, int n) {
   if (n > NX) return;
-  static V t[N * QUADS];
+  static V t[MOST_N * MOST_QUADS];
   const int wide = n + NW;
   product((const double *)total, ROW, wide, n, phi, t);
-  memcpy(total, t, sizeof(V) * (size_t)(n * QUADS));
+  COPY(total, t, n * QUADS);
   for (int i = n * QUADS; i < wide * QUADS; i++) total[i] = t[i] + phi[i];
 }
 
@@ -294,13 +307,13 @@ static void follow(V *total, const V *phi, int n) {
  * the transition, if any.  The memories of inputs move too; u: what the model felt last. */
 static int advance(const Run *run, double *x, const double *given, const double *w, double *memory, double *u,
                    const double *m, Slopes *s, V *total) {
-  static V phi[N * QUADS], full[N * QUADS];
-  static double posted[NX], px[NX * NX], f[NX], row[NU], next[NI + 1];
+  static V phi[MOST_N * MOST_QUADS], full[MOST_N * MOST_QUADS];
+  static double posted[MOST_NX], px[MOST_NX * MOST_NX], f[MOST_NX], row[MOST_NU], next[MOST_NI + 1];
   const int n = run->active, *at = run->state;
   const double dt = given[DT];
   const int substeps = DISCRETE || dt >= run->step ? run->substeps : (int)ceil(run->substeps * dt / run->step - 1e-6);
   const double h = dt / substeps;
-  memcpy(row, given, sizeof row);
+  COPY(row, given, NU);
   if (!DISCRETE) row[DT] = h;
   for (int q = 0; q < substeps; q++) {
     const int again = q == 0 || DISCRETE;
@@ -308,15 +321,15 @@ static int advance(const Run *run, double *x, const double *given, const double 
       const double *arg[4] = {memory, row, m, run->p};
       double *res[2] = {u, next};
       kf_in(arg, res, iscratch, scratch, 0);
-      if (NI) memcpy(memory, next, sizeof(double) * NI);
+      COPY(memory, next, NI);
       for (int i = 0; w && i < NW; i++) u[W0 + i] += w[i];
     }
     if (again && !linearise(run, x, u, m, h, s, total != 0)) return 0;
     if (!again) call(kf_f, x, u, m, run->p, f, 0, 0);
-    if (total) memcpy(phi, s->phi, sizeof phi);
+    if (total) COPY(phi, s->phi, N * QUADS);
     if (!substep(run, x, again ? s->f : f, u, m, h, s, total ? (double *)phi : 0)) return 0;
     if (total && q > 0) follow(total, phi, n);
-    if (total && q == 0) memcpy(total, phi, sizeof phi);
+    if (total && q == 0) COPY(total, phi, N * QUADS);
   }
   u[DT] = dt;
   if (!POSTS) return 1;
@@ -325,6 +338,7 @@ static int advance(const Run *run, double *x, const double *given, const double 
     for (int i = 0; i < n; i++) {
       for (int j = 0; j < n; j++) ((double *)full)[j * ROW + i] = px[at[j] * NX + at[i]];
     }
+    CLEAR(full + n * QUADS, NW * QUADS); /* disturbances move no memory here */
     follow(total, full, n);
   }
   for (int i = 0; i < n; i++) x[at[i]] = posted[at[i]];
@@ -365,18 +379,19 @@ static void times(const double *r, const double *a, int columns, double *out) {
  * order and dry friction.  Between two states of a model in steps lies the straight line, beyond them a parabola. */
 static void shifted(const Run *run, int side, const double *early, const double *x, const double *u, const double *m,
                     double *y, double *hx, double *hw) {
-  static double f[NX], a[NX * NX], b[NX * NW + 1], second[NX], a2[NX * NX], b2[NX * NW + 1];
-  static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1], kept[NX];
+  static double f[MOST_NX], a[MOST_NX * MOST_NX], b[MOST_NX * MOST_NW + 1], second[MOST_NX], then[MOST_NX], kept[MOST_NX];
+  static double a2[MOST_NX * MOST_NX], b2[MOST_NX * MOST_NW + 1], r[MOST_NX], ra[MOST_NX], raa[MOST_NX];
+  static double y1[MOST_NY], hx1[MOST_NY * MOST_NX], hw1[MOST_NY * MOST_NW + 1], rb[MOST_NW + 1], rab[MOST_NW + 1];
   call(kf_fj, x, u, m, run->p, f, a, b);
   if (DISCRETE) call(kf_fj, f, u, m, run->p, second, a2, b2);
   for (int i = 0; !DISCRETE && i < NX; i++) {
     second[i] = 0.0;
     for (int j = 0; j < NX; j++) second[i] += a[j * NX + i] * f[j];
   }
-#if AXES
-  static double dry[2 * AXES];
-  Sliding rubbed[AXES];
-  call(kf_dry, x, u, m, run->p, dry, 0, 0);
+#if MOST_AXES
+  static double dry[2 * MOST_AXES];
+  Sliding rubbed[MOST_AXES];
+  if (AXES) call(kf_dry, x, u, m, run->p, dry, 0, 0);
 #endif
   for (int o = 0; o < NY; o++) {
     const double e = early[o], half = 0.5 * e * e, parts = e / STEP;
@@ -387,7 +402,7 @@ static void shifted(const Run *run, int side, const double *early, const double 
     const double two = !DISCRETE ? half : between ? 0.0 : 0.5 * (parts + parts * parts);
     const double none = DISCRETE ? 1.0 - one - two : 1.0;
     for (int i = 0; i < NX; i++) then[i] = none * x[i] + one * f[i] + two * second[i];
-#if AXES
+#if MOST_AXES
     for (int k = 0; k < AXES; k++) {
       const double v = x[axis_v[k]], free = then[axis_v[k]];
       rubbed[k] = beside(v, (free - v) / one, (Dry){dry[k], dry[AXES + k], run->creep[k]}, one);
@@ -398,8 +413,8 @@ static void shifted(const Run *run, int side, const double *early, const double 
     call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
     y[o] = y1[o];
     for (int i = 0; i < NX; i++) r[i] = hx1[i * NY + o];
-    memcpy(kept, r, sizeof kept);
-#if AXES
+    COPY(kept, r, NX);
+#if MOST_AXES
     for (int k = 0; k < AXES; k++) { /* the speed, and the place with it, keep and follow what friction lets them */
       const int v = axis_v[k], q = axis_q[k];
       const double by = r[v] + (q >= 0 ? 0.5 * one * r[q] : 0.0);
@@ -410,7 +425,7 @@ static void shifted(const Run *run, int side, const double *early, const double 
     times(r, a, NX, ra);
     times(r, b, NW, rb);
     if (DISCRETE) { /* of the step after the next: r a2 a, r (a2 b + b2) */
-      static double through[NX];
+      static double through[MOST_NX];
       times(r, a2, NX, through);
       times(through, a, NX, raa);
       times(through, b, NW, rab);
@@ -459,22 +474,23 @@ static Counted trusted(double error, double most, double *side, double *often) {
 /* Steps done: fewer than run->steps where the states run away. */
 EXPORT int run_filter(const Run *run) {
   const int n = run->active, wide = n + NW, *at = run->state;
-  static double x[NX], alone[NX], P[N * N], u[NU], last[NU], memory[NI + 1], next[NI + 1];
-  static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
-  static double stepped[N * N];
-  static V total[N * QUADS];
+  static double x[MOST_NX], alone[MOST_NX], P[MOST_N * MOST_N], stepped[MOST_N * MOST_N];
+  static double u[MOST_NU], last[MOST_NU], memory[MOST_NI + 1], next[MOST_NI + 1];
+  static double y[MOST_NY], hx[MOST_NY * MOST_NX], hw[MOST_NY * MOST_NW + 1], gain[MOST_N], row[MOST_N], moved[MOST_N];
+  static V total[MOST_N * MOST_QUADS];
   static Slopes slopes;
-  double w[NW + 1] = {0}, side[NY], often[NY]; /* where the innovation before was, and how far they were lately, in CLIP */
-  memset(side, 0, sizeof side);
-  memset(often, 0, sizeof often);
-  memset(P, 0, sizeof P);
-  memcpy(x, run->x0, sizeof x);
-  memset(memory, 0, sizeof memory);
+  double w[MOST_NW + 1], side[MOST_NY], often[MOST_NY]; /* where the innovation before was, and how far they were lately, in CLIP */
+  CLEAR(w, NW);
+  CLEAR(side, NY);
+  CLEAR(often, NY);
+  CLEAR(P, N * N);
+  COPY(x, run->x0, NX);
+  CLEAR(memory, NI);
   for (int pass = 0; pass < 2 && NI + NH; pass++) { /* the memory of one may begin where another one's is */
     const double *arg[5] = {memory, x, run->u, run->m, run->p};
     double *res[2] = {next, x + NX - NH};
     kf_first(arg, res, iscratch, scratch, 0);
-    memcpy(memory, next, sizeof memory);
+    COPY(memory, next, NI);
   }
   for (int i = 0; i < n; i++) P[i * wide + i] = run->p0[at[i]];
   for (int i = 0; i < NW; i++) P[(n + i) * wide + n + i] = run->sigma[i] * run->sigma[i];
@@ -484,8 +500,8 @@ EXPORT int run_filter(const Run *run) {
     if (k > 0) {
       const double *before = run->u + (size_t)(k - 1) * NU, *m = run->m + (size_t)(k - 1) * NM, dt = before[DT];
       if (window) {
-        if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
-        memcpy(next, memory, sizeof memory);
+        if (window != run->window[k - 1]) COPY(alone, x, NX);
+        COPY(next, memory, NI);
         if (!advance(run, alone, before, 0, next, u, m, &slopes, 0)) return k;
       }
       double *transition = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : stepped;
@@ -499,22 +515,22 @@ EXPORT int run_filter(const Run *run) {
         noise_shake(run, slopes.b, dt, w, P);
       }
       shake(run, slopes.b, dt, w, P);
-      memcpy(last, u, sizeof last);
+      COPY(last, u, NU);
       for (int i = 0; i < NW; i++) transition[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
-    if (run->before) memcpy(run->before + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
+    if (run->before) COPY(run->before + (size_t)k * (size_t)(wide * wide), P, wide * wide);
     for (int i = 0; run->ahead && i < wide; i++) run->ahead[(size_t)k * (size_t)wide + (size_t)i] = i < n ? x[at[i]] : w[i - n];
     const double *now = run->u + (size_t)k * NU, *m = run->m + (size_t)k * NM;
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
     kf_in(arg, res, iscratch, scratch, 0);
     if (window && run->free) shown(run, alone, k ? last : u, u, m, run->free + (size_t)k * NY, hx, hw);
-    if (window && run->zfree) memcpy(run->zfree + (size_t)k * NX, alone, sizeof alone);
+    if (window && run->zfree) COPY(run->zfree + (size_t)k * NX, alone, NX);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
     int seen_any = 0;
     for (int o = 0; o < NY; o++) seen_any |= !isnan(run->y[(size_t)k * NY + (size_t)o]);
     if (seen_any) shown(run, x, k ? last : u, u, m, y, hx, hw);
-    memset(moved, 0, sizeof moved);
+    CLEAR(moved, N);
     for (int o = 0; o < NY; o++) {
       const double seen = run->y[(size_t)k * NY + (size_t)o];
       double *e = run->e + (size_t)k * NY + o, *s = run->s + (size_t)k * NY + o;
@@ -546,14 +562,14 @@ EXPORT int run_filter(const Run *run) {
     if (run->de) noise_correct(wide);
     for (int i = 0; i < n; i++) x[at[i]] += moved[i];
     for (int i = 0; i < NW; i++) w[i] += moved[n + i];
-    if (run->after) memcpy(run->after + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
+    if (run->after) COPY(run->after + (size_t)k * (size_t)(wide * wide), P, wide * wide);
     if (run->z) {
-      memcpy(run->z + (size_t)k * N, x, sizeof x);
-      memcpy(run->z + (size_t)k * N + NX, w, sizeof(double) * NW);
+      COPY(run->z + (size_t)k * N, x, NX);
+      COPY(run->z + (size_t)k * N + NX, w, NW);
     }
     if (run->v) {
       double *v = run->v + (size_t)k * N;
-      memset(v, 0, sizeof(double) * N);
+      CLEAR(v, N);
       for (int i = 0; i < n; i++) v[at[i]] = P[i * wide + i];
       for (int i = 0; i < NW; i++) v[NX + i] = P[(n + i) * wide + n + i];
     }

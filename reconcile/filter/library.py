@@ -1,4 +1,4 @@
-"""The filter of one extended model as machine code."""
+"""The filter of one extended model as machine code: its equations are played, and compiled where that pays."""
 
 import ctypes
 import functools
@@ -11,12 +11,16 @@ import numpy as np
 
 from fmus.paths import BUILD, SHIM
 from fmus.toolchain import compiler
+from reconcile.filter import tape
 from reconcile.filter.equations import Stepped
 
 HERE = Path(__file__).parent
-SOURCES = ("filter.c", "dry_friction.h", "noise_slopes.h")
-DRIVER = "".join((HERE / n).read_text(encoding="utf-8") for n in SOURCES)
+DRIVER = "".join(
+    (HERE / n).read_text(encoding="utf-8") for n in ("filter.c", "dry_friction.h", "noise_slopes.h")
+)
+PLAYER = "".join((HERE / n).read_text(encoding="utf-8") for n in ("any_model.h", "tape.c"))
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
+PAYS = 3e8  # operations played before a model is compiled: they take about as long as a compiler does
 CPU = Path("/proc/cpuinfo")
 POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "creep", "x0", "p0")
 RESULTS = ("e", "s", "z", "v", "window", "free", "zfree", "phi", "before", "after", "ahead")
@@ -44,9 +48,13 @@ class Library:
         self.nx, self.nu, self.nw = x.numel(), u.numel(), stepped.w.numel()
         self.ny = len(stepped.recorded)
         self.lanes = 4 * ((3 * self.nw + self.ny + 3) // 4)  # parameters of the noise, in fours
-        self._library = ctypes.CDLL(str(_kept(stepped)))
-        self._library.run_filter.restype = ctypes.c_int
-        self._library.run_filter.argtypes = (ctypes.c_void_p,)
+        self._left = PAYS
+        self._compiled: Callable[[_Run], int] | None = None
+        if tape.playable(stepped.functions, stepped.sizes):
+            self._played = tape.Played(stepped.functions, stepped.sizes, stepped.axis_places)
+            self._operations = self._played.operations
+        else:
+            self._compile()
 
     def run(
         self,
@@ -88,7 +96,7 @@ class Library:
         run = _Run(steps=steps, substeps=substeps, active=len(state), step=step)
         for n, a in (held | found).items():
             setattr(run, n, a.ctypes.data)
-        done = self._library.run_filter(ctypes.byref(run))
+        done = self._run(run)
         self.done = done
         if done < steps:
             return None
@@ -96,16 +104,56 @@ class Library:
             found |= {n: found[n][:, :, : by_noise[0].shape[1]] for n in SLOPES}
         return found
 
+    def _run(self, run: _Run) -> int:
+        """Both ways compute the same bits."""
+        if self._compiled is None:
+            self._left -= run.steps * run.substeps * self._operations
+            if self._left < 0:
+                self._compile()
+        if self._compiled:
+            return self._compiled(ctypes.byref(run))
+        return _player()(ctypes.byref(self._played), ctypes.byref(run))
+
+    def _compile(self) -> None:
+        self._compiled = ctypes.CDLL(str(_kept(self.stepped))).run_filter
+        self._compiled.argtypes = (ctypes.c_void_p,)
+
+
+@functools.cache
+def _player() -> Callable[..., int]:
+    """The filter of any model."""
+    host = compiler.host()
+    most = "".join(f"#define MOST_{n} {v}\n" for n, v in tape.MOST.items())
+    parts = (DRIVER, PLAYER, most, tape.HEADER, _built())
+
+    def build(folder: Path) -> Path:
+        (folder / "most.h").write_text(most, encoding="utf-8")
+        (folder / "operations.h").write_text(tape.HEADER, encoding="utf-8")
+        include = ["-DANY_MODEL", f"-I{HERE}", f"-I{SHIM}", f"-I{folder}", *_wide()]
+        objects = [
+            compiler.compile_object(HERE / f"{n}.c", folder / f"{n}.o", host.name, include, generated=True)
+            for n in ("filter", "tape")
+        ]
+        return compiler.link_shared(objects, folder / "player.so", host.name)
+
+    run = ctypes.CDLL(str(_cached("any_model", host.suffix, parts, build))).run_model
+    run.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
+    return run
+
 
 def _kept(stepped: Stepped) -> Path:
     """The compiled filter, cached under build/ by its content."""
     code, header = stepped.code()
     host = compiler.host()
-    built = repr((compiler.identity(host.name), compiler.FLAGS, _wide()))
-    driver = _cached("filter", ".o", (DRIVER, header, built), _driver(header, host.name))
-    parts = (code, header, DRIVER, built)
+    driver = _cached("filter", ".o", (DRIVER, header, _built()), _driver(header, host.name))
+    parts = (code, header, DRIVER, _built())
     name = stepped.model.name
     return _cached(name, host.suffix, parts, _library(code, header, driver, host.name))
+
+
+def _built() -> str:
+    """What machine code depends on beside its sources."""
+    return repr((compiler.identity(compiler.host().name), compiler.FLAGS, _wide()))
 
 
 @functools.cache

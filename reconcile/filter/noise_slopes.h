@@ -5,11 +5,13 @@
  * Of dP, the slopes of the covariance, only entries [i][j] with j <= i are kept.
  */
 #define LANES ((3 * NW + NY + 3) / 4) /* sizes, time constants and white rates of disturbances, noise of outputs */
+#define MOST_LANES ((3 * MOST_NW + MOST_NY + 3) / 4)
 #define DP(i, j) (dP + ((i) * wide + (j)) * LANES)
 
-static V dx[N * LANES], dP[N * N * LANES], dg[N * LANES], dmoved[N * LANES], dsize[LANES], derror[LANES];
-static V dside[NY * LANES], doften[NY * LANES];
-static V by_sigma[(NW + 1) * LANES], by_keep[(NW + 1) * LANES], by_white[(NW + 1) * LANES], by_r[NY * LANES];
+static V dx[MOST_N * MOST_LANES], dP[MOST_N * MOST_N * MOST_LANES], dg[MOST_N * MOST_LANES], dmoved[MOST_N * MOST_LANES];
+static V dsize[MOST_LANES], derror[MOST_LANES], dside[MOST_NY * MOST_LANES], doften[MOST_NY * MOST_LANES];
+static V by_sigma[(MOST_NW + 1) * MOST_LANES], by_keep[(MOST_NW + 1) * MOST_LANES], by_white[(MOST_NW + 1) * MOST_LANES];
+static V by_r[MOST_NY * MOST_LANES];
 
 static void add(V *to, double a, const V *v) {
   for (int t = 0; t < LANES; t++) to[t] += a * v[t];
@@ -17,27 +19,27 @@ static void add(V *to, double a, const V *v) {
 
 static void noise_begin(const Run *run, int n) {
   const int wide = n + NW;
-  memset(dx, 0, sizeof dx);
-  memset(dP, 0, sizeof dP);
-  memset(dmoved, 0, sizeof dmoved);
-  memset(dside, 0, sizeof dside);
-  memset(doften, 0, sizeof doften);
-  memcpy(by_sigma, run->by_sigma, sizeof(V) * NW * LANES);
-  memcpy(by_keep, run->by_keep, sizeof(V) * NW * LANES);
-  memcpy(by_white, run->by_white, sizeof(V) * NW * LANES);
-  memcpy(by_r, run->by_r, sizeof by_r);
+  CLEAR(dx, N * LANES);
+  CLEAR(dP, wide * wide * LANES);
+  CLEAR(dmoved, N * LANES);
+  CLEAR(dside, NY * LANES);
+  CLEAR(doften, NY * LANES);
+  COPY((double *)by_sigma, run->by_sigma, 4 * NW * LANES);
+  COPY((double *)by_keep, run->by_keep, 4 * NW * LANES);
+  COPY((double *)by_white, run->by_white, 4 * NW * LANES);
+  COPY((double *)by_r, run->by_r, 4 * NY * LANES);
   for (int i = 0; i < NW; i++) add(DP(n + i, n + i), 2.0 * run->sigma[i], by_sigma + i * LANES);
 }
 
 /* Over a step: dP of the states = phi dP phi', of disturbances by states dP phi'; dx = phi dx. */
 static void noise_move(const double *phi, int n) {
   if (n > NX) return;
-  static V t[NX * N * LANES], moved[N * LANES];
+  static V t[MOST_NX * MOST_N * MOST_LANES], moved[MOST_N * MOST_LANES];
   const int wide = n + NW;
-  memset(t, 0, sizeof(V) * (size_t)(n * wide * LANES));
-  memset(moved, 0, sizeof(V) * (size_t)(n * LANES));
+  CLEAR(t, n * wide * LANES);
+  CLEAR(moved, n * LANES);
   for (int i = 0; i < wide; i++) {
-    for (int j = i + 1; j < wide; j++) memcpy(DP(i, j), DP(j, i), sizeof(V) * LANES);
+    for (int j = i + 1; j < wide; j++) COPY(DP(i, j), DP(j, i), LANES);
   }
   for (int i = 0; i < n; i++) {
     for (int l = 0; l < wide; l++) {
@@ -47,15 +49,15 @@ static void noise_move(const double *phi, int n) {
       add(moved + i * LANES, a, dx + l * LANES);
     }
   }
-  memcpy(dx, moved, sizeof(V) * (size_t)(n * LANES));
+  COPY(dx, moved, n * LANES);
   for (int i = 0; i < n; i++) {
-    memset(DP(i, 0), 0, sizeof(V) * (size_t)((i + 1) * LANES));
+    CLEAR(DP(i, 0), (i + 1) * LANES);
     for (int j = 0; j <= i; j++) {
       for (int l = 0; l < wide; l++) {
         if (phi[j * wide + l] != 0.0) add(DP(i, j), phi[j * wide + l], t + (i * wide + l) * LANES);
       }
     }
-    for (int j = n; j < wide; j++) memcpy(DP(j, i), t + (i * wide + j) * LANES, sizeof(V) * LANES);
+    for (int j = n; j < wide; j++) COPY(DP(j, i), t + (i * wide + j) * LANES, LANES);
   }
 }
 
@@ -72,7 +74,7 @@ static void noise_shake(const Run *run, const double *b, double dt, const double
       }
     }
   }
-  double keep[NW + 1];
+  double keep[MOST_NW + 1];
   for (int i = 0; i < NW; i++) {
     const double sigma = run->sigma[i];
     const V *by = by_keep + i * LANES;
@@ -98,9 +100,9 @@ typedef struct {
 
 /* An output seen, before it changes P; de, ds: slopes of its innovation and of the logarithm of its variance. */
 static void noise_see(int o, int wide, const double *row, const double *gain, double size, Counted c, double *de, double *ds) {
-  memset(dg, 0, sizeof dg);
-  memset(derror, 0, sizeof derror);
-  memcpy(dsize, by_r + o * LANES, sizeof dsize);
+  CLEAR(dg, wide * LANES);
+  CLEAR(derror, LANES);
+  COPY(dsize, by_r + o * LANES, LANES);
   for (int j = 0; j < wide; j++) {
     if (row[j] == 0.0) continue;
     for (int i = 0; i < wide; i++) add(dg + i * LANES, row[j], i < j ? DP(j, i) : DP(i, j));
@@ -109,8 +111,8 @@ static void noise_see(int o, int wide, const double *row, const double *gain, do
   }
   for (int i = 0; i < wide; i++) add(dsize, row[i], dg + i * LANES);
   for (int t = 0; t < LANES; t++) dsize[t] /= size;
-  memcpy(de, derror, sizeof derror);
-  memcpy(ds, dsize, sizeof dsize);
+  COPY(de, (double *)derror, 4 * LANES);
+  COPY(ds, (double *)dsize, 4 * LANES);
   for (int t = 0; t < LANES; t++) { /* of what counts of the error from here on */
     const double inside = fabs(c.share) < 1.0 ? 1.0 : 0.0, out = c.share > 0.0 ? inside : -inside;
     V *side = dside + o * LANES + t, *often = doften + o * LANES + t;
@@ -136,5 +138,5 @@ static void noise_see(int o, int wide, const double *row, const double *gain, do
 /* After all outputs of a sample. */
 static void noise_correct(int wide) {
   for (int i = 0; i < wide * LANES; i++) dx[i] += dmoved[i];
-  memset(dmoved, 0, sizeof dmoved);
+  CLEAR(dmoved, wide * LANES);
 }
