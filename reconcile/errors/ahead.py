@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.search.core import Core
 
@@ -80,6 +81,16 @@ def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, fl
     """Mean squares of the error ahead, noise and all, and of the noise, in spreads of the outputs."""
     errors, known, count = by_stretch(core, point, which).sum(axis=0)
     return float(errors / max(count, 1.0)), float(known / max(count, 1.0))
+
+
+def beyond_noise(core: Core, point: Point) -> float:
+    """Error ahead in levels of the outputs' noise.
+
+    What a fit takes for noise beyond the sensors' own level, as samples in a row show it, is error.
+    """
+    white = {NOISE + n: min(point.values[NOISE + n], core.floors[n].level) for n in core.outputs}
+    own = [core.noise(point.values | white, n) / core.spread[n] for n in core.outputs]
+    return float(np.sqrt(max(squares(core, point)[0] / np.mean(np.square(own)) - 1.0, 0.0)))
 
 
 def by_stretch(core: Core, point: Point, which: str = "confirm") -> np.ndarray:

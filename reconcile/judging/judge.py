@@ -9,13 +9,26 @@ import numpy as np
 from reconcile.catalogue import ALL, freeform
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import above_noise, ahead, by_stretch, noise, without_effects
+from reconcile.errors.ahead import above_noise, ahead, beyond_noise, by_stretch, noise, without_effects
 from reconcile.filter.point import Z95, Point, standard_errors
 from reconcile.judging.refused import Refused, all_of, hardly_ahead, no_shaft, refused
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
 from reconcile.search.sets import BEHIND, LONG, Key, curved
-from reconcile.tolerances import CERTAIN, CLOSE, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
+from reconcile.tolerances import (
+    AT_FLOOR,
+    CERTAIN,
+    CLOSE,
+    EXPLAINED,
+    NEAR,
+    OF_ALL,
+    OF_NATS,
+    SHORTENED,
+    SURE,
+    TOLD,
+    WORTH,
+)
+from reconcile.words import percent
 
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
@@ -121,7 +134,7 @@ class Judge:
         Where it is not sure, the other sets lose what does not earn its place in them, too: sets that differ
         by such crumbs only are one answer.
         """
-        posterior = _simplest(self.beam)
+        posterior, down_curves = self._by_effects(_simplest(self.beam))
         weights = Weights(self.beam, posterior)
         answer, down = self._earning(weights.first, weights.kinds)
         if weights.doubted(answer):
@@ -144,9 +157,8 @@ class Judge:
             text = f"with a probability of {max(nothing, other):.2f} it is {what}"
             down += all_of(answer, text)
             answer, declared = frozenset(), []
-        if curved(answer) and (nearest := self.beam.nearest(answer)) and nearest[1] <= 0.0:
-            text = "effects explain the recordings as well, where the noise may be larger"
-            down += all_of(answer, text)
+        if answer and (left := self._left(answer)) > 1.0 - EXPLAINED:
+            down += all_of(answer, f"with it {percent(left)} of the error ahead is left")
             answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
         most = UNTRIED if self.beam.cut else 1.0
@@ -157,10 +169,27 @@ class Judge:
             _shown(weights.kinds, most),
             [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
-            down,
+            down_curves + down,
             {k: self.ahead(k) for k in self._stretches},
             posterior,
         )
+
+    def _by_effects(self, posterior: dict[Key, float]) -> tuple[dict[Key, float], list[Refused]]:
+        """Probabilities without curves, where effects are as likely as the curve that is the likeliest set."""
+        best = max(posterior, key=lambda k: posterior[k])
+        nearest = self.beam.nearest(best) if curved(best) else None
+        left = {k: p for k, p in posterior.items() if k and not curved(k)}
+        if not (nearest and left and nearest[1] <= 0.0):
+            return posterior, []
+        text = "effects explain the recordings as well, where the noise may be larger"
+        total = sum(left.values())
+        return {k: p / total for k, p in left.items()}, all_of(best, text)
+
+    def _left(self, key: Key) -> float:
+        """Share of the error ahead of the model without effects that a set leaves; 0 where that is noise."""
+        if beyond_noise(self.core, self.beam.points[key]) <= AT_FLOOR:
+            return 0.0
+        return self.ahead(key) / max(self.ahead(frozenset()), 1e-12)
 
     def _rivals(self, answer: Key, weights: "Weights") -> list[Key]:
         """Sets that share the probability with the answer, until they hold ENOUGH of it."""
@@ -264,7 +293,7 @@ class Judge:
         point, own = self.beam.points[key], {a.name(q.name): q for q in a.effect.parameters}
         if a.effect.shaft and a.name("share") in point.limited:
             return no_shaft(a)
-        if self.beam.loss(key - {a}) - self.beam.loss(key) > FIRM:
+        if self.beam.points[key - {a}].loss - point.loss > FIRM:
             return None
         errors, sizes = standard_errors(point), [n for n, q in own.items() if q.amplitude] or list(own)
         nothing = all(n in errors and abs(point.values[n]) < Z95 * errors[n] for n in sizes)

@@ -10,9 +10,7 @@ from reconcile import words
 from reconcile.catalogue import freeform
 from reconcile.catalogue.kinds import kind as kind_of
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, squares
-from reconcile.filter.kalman import NOISE
-from reconcile.filter.point import Point
+from reconcile.errors.ahead import ahead, beyond_noise
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import curves
@@ -67,16 +65,6 @@ def still_inputs(core: Core) -> list[str]:
         if values and max(float(np.ptp(v)) for v in values) == 0.0:
             found.append(f"input {name} is constant")
     return found
-
-
-def beyond_noise(core: Core, point: Point) -> float:
-    """Error ahead in levels of the outputs' noise.
-
-    What a fit takes for noise beyond the sensors' own level, as samples in a row show it, is error.
-    """
-    white = {NOISE + n: min(point.values[NOISE + n], core.floors[n].level) for n in core.outputs}
-    own = [core.noise(point.values | white, n) / core.spread[n] for n in core.outputs]
-    return float(np.sqrt(max(squares(core, point)[0] / np.mean(np.square(own)) - 1.0, 0.0)))
 
 
 def judge(answer: Answer) -> Verdict:
