@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reconcile.catalogue import Scales
-from reconcile.equations.model import candidates
+from reconcile.catalogue import Scales, freeform
+from reconcile.equations.model import Attached, candidates
+from reconcile.errors import ahead as errors
 from reconcile.filter.point import Free, standard_errors
 from reconcile.judging import answer as answers, judge as judges, mistaken, verdict as verdicts
 from reconcile.judging.refused import Refused, no_shaft
@@ -52,12 +53,12 @@ def test_an_error_left_is_said_before_too_little_excitation(
 def test_what_a_fit_takes_for_noise_beyond_the_sensors_own_is_error(monkeypatch):
     core: Any = SimpleNamespace(outputs=["y"], floors={"y": SimpleNamespace(level=0.1)}, spread={"y": 1.0})
     core.noise = lambda values, output: values[f"noise of {output}"]
-    monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.17, 0.16))  # as the fitted noise says
+    monkeypatch.setattr(errors, "squares", lambda core, point: (0.17, 0.16))  # as the fitted noise says
     swallowed: Any = SimpleNamespace(values={"noise of y": 0.4})
-    assert verdicts.beyond_noise(core, swallowed) == pytest.approx(4.0)
-    monkeypatch.setattr(verdicts, "squares", lambda core, point: (0.009, 0.01))
+    assert errors.beyond_noise(core, swallowed) == pytest.approx(4.0)
+    monkeypatch.setattr(errors, "squares", lambda core, point: (0.009, 0.01))
     quiet: Any = SimpleNamespace(values={"noise of y": 0.1})
-    assert verdicts.beyond_noise(core, quiet) == 0.0
+    assert errors.beyond_noise(core, quiet) == 0.0
 
 
 def test_no_delay_is_as_long_as_the_recording(rig):
@@ -172,10 +173,11 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
 ):
     friction = next(a for a in candidates(rig, [*rig.ports.outputs]) if a.key == "coulomb_friction@v")
     name, key = friction.name("Fc"), frozenset({friction})
-    point = SimpleNamespace(values={name: value}, limited=set())
+    point = SimpleNamespace(values={name: value}, limited=set(), loss=0.0)
     monkeypatch.setattr(judges, "standard_errors", lambda point: {name: 1.0})
-    beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
-    beam.loss = {key: 0.0, frozenset(): gained}.__getitem__
+    beam: Any = SimpleNamespace(
+        core=None, points={key: point, frozenset(): SimpleNamespace(loss=gained)}
+    )
     refused = judges.Judge(beam)._unfit(key, friction)
     assert (refused.because if refused else "") == ("its interval holds nothing at all" if idle else "")
 
@@ -184,9 +186,8 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
 def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
     shaft = next(a for a in candidates(rig, [*rig.ports.controls, *rig.ports.outputs]) if a.effect.shaft)
     name, key = shaft.name("share"), frozenset({shaft})
-    point = SimpleNamespace(values={name: 0.98}, limited={name} if held else set())
-    beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): None})
-    beam.loss = {key: 0.0, frozenset(): 500.0}.__getitem__
+    point = SimpleNamespace(values={name: 0.98}, limited={name} if held else set(), loss=0.0)
+    beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): SimpleNamespace(loss=500.0)})
     assert judges.Judge(beam)._unfit(key, shaft) == (no_shaft(shaft) if held else None)
 
 
@@ -207,3 +208,26 @@ def test_what_is_likely_is_not_said_to_explain_nothing(monkeypatch, probability,
     sentence = verdicts._unexplained(answer)
     assert f"over its own time, and {said};" in sentence
     assert ("; its kind is sure: delay." in sentence) == bool(kinds)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "left", "share"),
+    [(9.0, 0.3, 0.6), (9.0, 0.1, 0.2), (2.0, 0.3, 0.0)],
+    ids=["most of it", "little of it", "noise"],
+)
+def test_how_much_of_the_gap_an_answer_leaves(monkeypatch, beyond: float, left: float, share: float):
+    monkeypatch.setattr(judges, "beyond_noise", lambda core, point: beyond)
+    judge = judges.Judge(SimpleNamespace(core=None, points={frozenset({1}): None}))  # type: ignore[arg-type]
+    monkeypatch.setattr(judge, "ahead", {frozenset({1}): left, frozenset(): 0.5}.__getitem__)
+    assert judge._left(frozenset({1})) == pytest.approx(share)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("behind", "kept"), [(-3.0, True), (5.0, False)])
+def test_effects_that_are_as_likely_as_a_curve_take_its_place(rig, behind: float, kept: bool):
+    friction = next(a for a in candidates(rig, [*rig.ports.outputs]) if a.key == "coulomb_friction@v")
+    curve, effect = frozenset({Attached(next(e for e in freeform.FORMS if e.name == "friction_curve"), "v")}), frozenset({friction})
+    beam: Any = SimpleNamespace(core=None, nearest=lambda key: (effect, behind))
+    posterior = {curve: 0.96, effect: 0.03, frozenset(): 0.01}
+    found, refused = judges.Judge(beam)._by_effects(posterior)
+    assert found == ({effect: pytest.approx(1.0)} if kept else posterior)
+    assert [r.effect for r in refused] == (["friction_curve"] if kept else [])
