@@ -32,6 +32,7 @@ Function kf_f, kf_fj, kf_dry, kf_post, kf_hj, kf_in, kf_first;
 #define N (NX + NW)
 #define MOST_N (MOST_NX + MOST_NW)
 #define COPY(to, from, n) memcpy(to, from, sizeof(*(from)) * (size_t)(n))
+#define AT(a, k, n) ((a) + (size_t)(k) * (size_t)(n)) /* where that of step k begins */
 #define CLEAR(a, n) memset(a, 0, sizeof(*(a)) * (size_t)(n))
 #define GAMMA 0.29289321881345254
 #define LEAK 0.1 /* slope of a stuck speed by the one before: a filter that sees none never comes loose */
@@ -498,13 +499,13 @@ EXPORT int run_filter(const Run *run) {
   for (int k = 0; k < run->steps; k++) {
     const int window = run->window ? run->window[k] : 0;
     if (k > 0) {
-      const double *before = run->u + (size_t)(k - 1) * NU, *m = run->m + (size_t)(k - 1) * NM, dt = before[DT];
+      const double *before = AT(run->u, k - 1, NU), *m = AT(run->m, k - 1, NM), dt = before[DT];
       if (window) {
         if (window != run->window[k - 1]) COPY(alone, x, NX);
         COPY(next, memory, NI);
         if (!advance(run, alone, before, 0, next, u, m, &slopes, 0)) return k;
       }
-      double *transition = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : stepped;
+      double *transition = run->phi ? AT(run->phi, k, wide * wide) : stepped;
       if (!advance(run, x, before, w, memory, u, m, &slopes, total)) return k;
       spread(P, total, n);
       for (int i = 0; (run->phi || run->de) && i < wide * wide; i++) {
@@ -518,22 +519,22 @@ EXPORT int run_filter(const Run *run) {
       COPY(last, u, NU);
       for (int i = 0; i < NW; i++) transition[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
-    if (run->before) COPY(run->before + (size_t)k * (size_t)(wide * wide), P, wide * wide);
-    for (int i = 0; run->ahead && i < wide; i++) run->ahead[(size_t)k * (size_t)wide + (size_t)i] = i < n ? x[at[i]] : w[i - n];
-    const double *now = run->u + (size_t)k * NU, *m = run->m + (size_t)k * NM;
+    if (run->before) COPY(AT(run->before, k, wide * wide), P, wide * wide);
+    for (int i = 0; run->ahead && i < wide; i++) AT(run->ahead, k, wide)[i] = i < n ? x[at[i]] : w[i - n];
+    const double *now = AT(run->u, k, NU), *m = AT(run->m, k, NM);
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
     kf_in(arg, res, iscratch, scratch, 0);
-    if (window && run->free) shown(run, alone, k ? last : u, u, m, run->free + (size_t)k * NY, hx, hw);
-    if (window && run->zfree) COPY(run->zfree + (size_t)k * NX, alone, NX);
+    if (window && run->free) shown(run, alone, k ? last : u, u, m, AT(run->free, k, NY), hx, hw);
+    if (window && run->zfree) COPY(AT(run->zfree, k, NX), alone, NX);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
     int seen_any = 0;
-    for (int o = 0; o < NY; o++) seen_any |= !isnan(run->y[(size_t)k * NY + (size_t)o]);
+    for (int o = 0; o < NY; o++) seen_any |= !isnan(AT(run->y, k, NY)[o]);
     if (seen_any) shown(run, x, k ? last : u, u, m, y, hx, hw);
     CLEAR(moved, N);
     for (int o = 0; o < NY; o++) {
-      const double seen = run->y[(size_t)k * NY + (size_t)o];
-      double *e = run->e + (size_t)k * NY + o, *s = run->s + (size_t)k * NY + o;
+      const double seen = AT(run->y, k, NY)[o];
+      double *e = AT(run->e, k, NY) + o, *s = AT(run->s, k, NY) + o;
       *e = *s = NAN;
       if (isnan(seen)) continue;
       double size = run->r[o];
@@ -551,8 +552,8 @@ EXPORT int run_filter(const Run *run) {
       *e = error;
       *s = size;
       const Counted counted = k > 3 ? trusted(error, CLIP * sqrt(size), side + o, often + o) : (Counted){error, 0.0, NEVER, 0.0, 0.0, 0.0, 0.0};
-      const size_t slope = ((size_t)k * NY + (size_t)o) * 4 * LANES;
-      if (run->de) noise_see(o, wide, row, gain, size, counted, run->de + slope, run->ds + slope);
+      const int slope = 4 * LANES * o;
+      if (run->de) noise_see(o, wide, row, gain, size, counted, AT(run->de, k, 4 * NY * LANES) + slope, AT(run->ds, k, 4 * NY * LANES) + slope);
       error = counted.kept;
       for (int i = 0; i < wide; i++) moved[i] += gain[i] / size * error;
       for (int i = 0; i < wide; i++) {
@@ -562,13 +563,13 @@ EXPORT int run_filter(const Run *run) {
     if (run->de) noise_correct(wide);
     for (int i = 0; i < n; i++) x[at[i]] += moved[i];
     for (int i = 0; i < NW; i++) w[i] += moved[n + i];
-    if (run->after) COPY(run->after + (size_t)k * (size_t)(wide * wide), P, wide * wide);
+    if (run->after) COPY(AT(run->after, k, wide * wide), P, wide * wide);
     if (run->z) {
-      COPY(run->z + (size_t)k * N, x, NX);
-      COPY(run->z + (size_t)k * N + NX, w, NW);
+      COPY(AT(run->z, k, N), x, NX);
+      COPY(AT(run->z, k, N) + NX, w, NW);
     }
     if (run->v) {
-      double *v = run->v + (size_t)k * N;
+      double *v = AT(run->v, k, N);
       CLEAR(v, N);
       for (int i = 0; i < n; i++) v[at[i]] = P[i * wide + i];
       for (int i = 0; i < NW; i++) v[NX + i] = P[(n + i) * wide + n + i];

@@ -1,4 +1,4 @@
-"""The filter of one extended model as machine code: its equations are played, and compiled where that pays."""
+"""The filter of one extended model as machine code: its equations are played, or compiled where that pays."""
 
 import ctypes
 import functools
@@ -19,6 +19,7 @@ DRIVER = "".join(
     (HERE / n).read_text(encoding="utf-8") for n in ("filter.c", "dry_friction.h", "noise_slopes.h")
 )
 PLAYER = "".join((HERE / n).read_text(encoding="utf-8") for n in ("any_model.h", "tape.c"))
+MOST = "".join(f"#define MOST_{n} {v}\n" for n, v in tape.MOST.items())
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
 PAYS = 3e8  # operations played before a model is compiled: they take about as long as a compiler does
 CPU = Path("/proc/cpuinfo")
@@ -49,7 +50,7 @@ class Library:
         self.ny = len(stepped.recorded)
         self.lanes = 4 * ((3 * self.nw + self.ny + 3) // 4)  # parameters of the noise, in fours
         self._left = PAYS
-        self._compiled: Callable[[_Run], int] | None = None
+        self._compiled: Callable[..., int] | None = None
         if tape.playable(stepped.functions, stepped.sizes):
             self._played = tape.Played(stepped.functions, stepped.sizes, stepped.axis_places)
             self._operations = self._played.operations
@@ -123,12 +124,10 @@ class Library:
 def _player() -> Callable[..., int]:
     """The filter of any model."""
     host = compiler.host()
-    most = "".join(f"#define MOST_{n} {v}\n" for n, v in tape.MOST.items())
-    parts = (DRIVER, PLAYER, most, tape.HEADER, _built())
+    parts = (DRIVER, PLAYER, MOST, tape.HEADER, _built())
 
     def build(folder: Path) -> Path:
-        (folder / "most.h").write_text(most, encoding="utf-8")
-        (folder / "operations.h").write_text(tape.HEADER, encoding="utf-8")
+        headers(folder)
         include = ["-DANY_MODEL", f"-I{HERE}", f"-I{SHIM}", f"-I{folder}", *_wide()]
         objects = [
             compiler.compile_object(HERE / f"{n}.c", folder / f"{n}.o", host.name, include, generated=True)
@@ -139,6 +138,12 @@ def _player() -> Callable[..., int]:
     run = ctypes.CDLL(str(_cached("any_model", host.suffix, parts, build))).run_model
     run.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
     return run
+
+
+def headers(folder: Path) -> None:
+    """What any_model.h and tape.c include, generated."""
+    for name, text in (("most.h", MOST), ("operations.h", tape.HEADER)):
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def _kept(stepped: Stepped) -> Path:

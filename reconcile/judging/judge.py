@@ -175,7 +175,7 @@ class Judge:
         )
 
     def _by_effects(self, posterior: dict[Key, float]) -> tuple[dict[Key, float], list[Refused]]:
-        """Probabilities without curves, where effects are as likely as the curve that is the likeliest set."""
+        """Probabilities without curves, where effects are as likely as a curve that is the likeliest set."""
         best = max(posterior, key=lambda k: posterior[k])
         nearest = self.beam.nearest(best) if curved(best) else None
         left = {k: p for k, p in posterior.items() if k and not curved(k)}

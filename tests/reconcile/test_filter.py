@@ -15,7 +15,7 @@ from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import CREEP, STILL, Kalman
-from reconcile.filter.library import HERE
+from reconcile.filter.library import HERE, headers
 from reconcile.filter.point import Free
 from reconcile.recordings.data import runs_of
 from records.measurement import Measurement
@@ -424,11 +424,21 @@ def test_the_filter_of_any_model_compiles_without_a_warning(folder, tmp_path):
     (tmp_path / "equations.c").write_text(code, encoding="utf-8")
     assert "-Werror" in compiler.WARNINGS
     include = [f"-I{SHIM}", f"-I{tmp_path}"]
+    warns(["filter"], tmp_path, include)
+
+
+def test_the_filter_of_all_models_compiles_without_a_warning(tmp_path):
+    headers(tmp_path)
+    warns(["filter", "tape"], tmp_path, ["-DANY_MODEL", f"-I{HERE}", f"-I{SHIM}", f"-I{tmp_path}"])
+
+
+def warns(sources: list[str], folder: Path, include: list[str]) -> None:
+    """Compile sources with all warnings as errors."""
     for level in ("-O1", "-O2"):  # what the optimiser sees it warns of
-        out = compiler.compile_object(
-            HERE / "filter.c", Path(tmp_path, f"filter{level}.o"), compiler.host().name, [*include, level]
-        )
-        assert out.stat().st_size
+        for name in sources:
+            out = folder / f"{name}{level}.o"
+            compiler.compile_object(HERE / f"{name}.c", out, compiler.host().name, [*include, level])
+            assert out.stat().st_size
 
 
 def clocks(measured: Measurement, rig: Folder) -> list[np.ndarray]:

@@ -1,4 +1,4 @@
-"""Equations that are played: the same bits as compiled ones, for every operation, model and set of effects."""
+"""Equations that are played give the bits of compiled ones: every operation, models and sets of effects."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -175,9 +175,7 @@ def test_what_gains_much_is_there_whatever_its_interval_holds(
     name, key = friction.name("Fc"), frozenset({friction})
     point = SimpleNamespace(values={name: value}, limited=set(), loss=0.0)
     monkeypatch.setattr(judges, "standard_errors", lambda point: {name: 1.0})
-    beam: Any = SimpleNamespace(
-        core=None, points={key: point, frozenset(): SimpleNamespace(loss=gained)}
-    )
+    beam: Any = SimpleNamespace(core=None, points={key: point, frozenset(): SimpleNamespace(loss=gained)})
     refused = judges.Judge(beam)._unfit(key, friction)
     assert (refused.because if refused else "") == ("its interval holds nothing at all" if idle else "")
 
@@ -225,7 +223,8 @@ def test_how_much_of_the_gap_an_answer_leaves(monkeypatch, beyond: float, left: 
 @pytest.mark.parametrize(("behind", "kept"), [(-3.0, True), (5.0, False)])
 def test_effects_that_are_as_likely_as_a_curve_take_its_place(rig, behind: float, kept: bool):
     friction = next(a for a in candidates(rig, [*rig.ports.outputs]) if a.key == "coulomb_friction@v")
-    curve, effect = frozenset({Attached(next(e for e in freeform.FORMS if e.name == "friction_curve"), "v")}), frozenset({friction})
+    form = next(e for e in freeform.FORMS if e.name == "friction_curve")
+    curve, effect = frozenset({Attached(form, "v")}), frozenset({friction})
     beam: Any = SimpleNamespace(core=None, nearest=lambda key: (effect, behind))
     posterior = {curve: 0.96, effect: 0.03, frozenset(): 0.01}
     found, refused = judges.Judge(beam)._by_effects(posterior)
