@@ -47,7 +47,7 @@ MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
 INPUT_GAIN = 10.0
 CLOCK_GAIN = 10.0  # nats a recording by which clocks of their own must be likelier than one offset for all
 WRONG = 0.1  # error ahead, in spreads, from which signs and units of channels are asked
-TURNED = 100.0  # nats by which turned channels must be likelier where they err by more than EVIDENT
 LOST = 0.5  # the same as WRONG, of a model whose inputs may be far too large or small
-EVIDENT = 0.25  # of that error that is left with a channel turned, asked before effects are looked for
-HALVED = 0.5  # the same, after effects were looked for
+HALVED = (
+    0.5  # of that error that is left at most where recordings are read otherwise, from which that is asked
+)

@@ -7,6 +7,7 @@ import numpy as np
 
 from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
+from reconcile.search.alone import alone
 from reconcile.search.core import Core
 
 LEAST = 10.0  # samples that are predicted, however soon the outputs forget
@@ -66,15 +67,13 @@ def above_noise(stretches: np.ndarray) -> float:
 
 
 def without_effects(core: Core) -> Point:
-    """The model without effects: by all that its likelihood says, or by slow motion where that errs less.
+    """The model without effects: by all that its likelihood says, or by its output error where it errs less.
 
-    A large disturbance that remembers long takes over what the model's own parameters do; its likelihood
-    hardly says so where a recording is short.  What errs by no more than the noise is left as it is.
+    What errs by no more than the noise is left as it is.
     """
-    errs = ahead(core, core.base)
-    if core.slow is None or errs < noise(core, core.base):
+    if ahead(core, core.base) < noise(core, core.base):
         return core.base
-    return core.slow if ahead(core, core.slow) < errs else core.base
+    return min((core.base, *alone(core)), key=lambda p: ahead(core, p))
 
 
 def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:
@@ -84,19 +83,31 @@ def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, fl
 
 
 def beyond_noise(core: Core, point: Point) -> float:
-    """Error ahead in levels of the outputs' noise.
+    """Error ahead in levels of the outputs' noise."""
+    own = _sensors(core, point)
+    return float(np.sqrt(max(squares(core, point)[0] / own - 1.0, 0.0)))
 
-    What a fit takes for noise beyond the sensors' own level, as samples in a row show it, is error.
+
+def beyond_sensors(core: Core, point: Point) -> float:
+    """Error ahead but the sensors' own noise, in spreads of the outputs (rms)."""
+    return float(np.sqrt(max(squares(core, point)[0] - _sensors(core, point), 0.0)))
+
+
+def _sensors(core: Core, point: Point) -> float:
+    """Mean square of the sensors' noise in spreads of the outputs.
+
+    What a fit takes for noise beyond the level that samples in a row show is error.
     """
     white = {NOISE + n: min(point.values[NOISE + n], core.floors[n].level) for n in core.outputs}
     own = [core.noise(point.values | white, n) / core.spread[n] for n in core.outputs]
-    return float(np.sqrt(max(squares(core, point)[0] / np.mean(np.square(own)) - 1.0, 0.0)))
+    return float(np.mean(np.square(own)))
 
 
 def by_stretch(core: Core, point: Point, which: str = "confirm") -> np.ndarray:
     """By stretch [W, 3]: sums of squares, noise and all, and of the noise, and samples.
 
-    One row without end where the model runs away.
+    One row without end where the model runs away.  What a point takes for noise beyond that of the model
+    without effects is error.
     """
     errors = by_record(core, point, which)
     if errors is None:
@@ -104,7 +115,10 @@ def by_stretch(core: Core, point: Point, which: str = "confirm") -> np.ndarray:
     numbers = np.concatenate([ids[counts] for ids, counts in windows(core, (which,))])
     every, level = (
         np.concatenate(errors),
-        [core.noise(point.values, n) / core.spread[n] for n in core.outputs],
+        [
+            min(core.noise(v, n) for v in (point.values, core.base.values)) / core.spread[n]
+            for n in core.outputs
+        ],
     )
     seen = ~np.isnan(every)
     rows = np.column_stack([np.nansum(every**2, axis=1), seen @ np.square(level), seen.sum(axis=1)])

@@ -14,6 +14,7 @@ from reconcile.errors.ahead import ahead, noise, without_effects
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Z95, Point, standard_errors
 from reconcile.judging.judge import Judged
+from reconcile.search.alone import lasting
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.sets import Key
@@ -33,7 +34,9 @@ class Answer:
     @cached_property
     def point(self) -> Point:
         """The accepted set, fitted."""
-        return self.beam.points[self.judged.answer] if self.judged.answer else self.base
+        if not self.judged.answer:
+            return self.base
+        return self.judged.point or self.beam.points[self.judged.answer]
 
     @cached_property
     def base(self) -> Point:
@@ -42,9 +45,9 @@ class Answer:
         That is the model as it came, where it errs less on what nothing was fitted to: a disturbance that is
         large has bent the parameters then.
         """
-        if self.judged.answer:
-            return self.core.base
         fitted, came = without_effects(self.core), self.core.nominal()
+        if self.judged.answer:
+            return fitted
         errs = ahead(self.core, fitted)
         bent = errs > noise(self.core, fitted) and ahead(self.core, came) < (1.0 - SHORTENED) * errs
         return came if bent else fitted
@@ -73,10 +76,16 @@ class Answer:
     def errors(self) -> Mapping[str, float]:
         """Standard errors of what was fitted, as if no other set were possible."""
         own = standard_errors(self.point)
-        if self.point is not self.core.slow:
+        if not self._alone:
             return own
-        beyond = float(np.sqrt(np.mean(self.point.e**2 / self.point.s)))  # it was fitted with little noise
-        return {n: e * max(beyond, 1.0) for n, e in own.items()}
+        more = lasting(self.point, len(self.core.outputs))
+        return {n: e * more for n, e in own.items()}
+
+    @property
+    def _alone(self) -> bool:
+        """Whether the answer was fitted by its output error."""
+        by_likelihood = (*self.beam.points.values(), self.core.base)
+        return not any(self.point is p or self.point.values is p.values for p in by_likelihood)
 
     def interval(self, name: str) -> tuple[float, float]:
         """95 % of what a fitted parameter may be; where other sets may be true, their values count too.
@@ -86,7 +95,7 @@ class Answer:
         own, error = self.point.values[name], self.errors[name]
         low, high = own - Z95 * error, own + Z95 * error
         rows = [(p, v[name], max(e[name], TINY * abs(v[name]))) for p, v, e in self._likely if name in e]
-        if self.point is self.core.slow or not rows:
+        if self._alone or not rows:
             return low, high
         weights, values, errors = np.array(rows).T
         reach = np.min(values - FAR * errors), np.max(values + FAR * errors)

@@ -12,9 +12,10 @@ from reconcile.equations.model import Attached
 from reconcile.errors.ahead import above_noise, ahead, beyond_noise, by_stretch, noise, without_effects
 from reconcile.filter.point import Z95, Point, standard_errors
 from reconcile.judging.refused import Refused, all_of, hardly_ahead, no_shaft, refused
+from reconcile.search.alone import fits
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
-from reconcile.search.sets import BEHIND, LONG, Key, curved
+from reconcile.search.sets import BEHIND, Key, curved
 from reconcile.tolerances import (
     AT_FLOOR,
     CERTAIN,
@@ -45,6 +46,7 @@ class Judged:
 
     `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
     `posterior`: probability of every set, before those lose what does not earn its place in them.
+    `point`: the answer as it errs least ahead, by its likelihood or its output error.
     """
 
     answer: Key
@@ -56,6 +58,7 @@ class Judged:
     refused: Sequence[Refused]
     errors: Mapping[Key, float] = field(default_factory=dict)
     posterior: Mapping[Key, float] = field(default_factory=dict)
+    point: Point | None = None
 
 
 class Weights:
@@ -105,6 +108,7 @@ class Judge:
     def __init__(self, beam: Beam):
         self.beam, self.core = beam, beam.core
         self._stretches: dict[Key, np.ndarray] = {}
+        self._best: dict[Key, Point] = {}
 
     def ahead(self, key: Key) -> float:
         """Error of a set over many steps on confirm, above the noise, in spreads of the outputs (rms)."""
@@ -112,21 +116,21 @@ class Judge:
 
     def _by_stretch(self, key: Key) -> np.ndarray:
         if key not in self._stretches:
-            self._stretches[key] = self._least(key)
+            self._best[key] = point = self._least(key)
+            self._stretches[key] = by_stretch(self.core, point)
         return self._stretches[key]
 
     @cached_property
     def _plain(self) -> Point:
         return without_effects(self.core)
 
-    def _least(self, key: Key) -> np.ndarray:
-        """Error of a set as fitted; or by slow motion, where the model without effects errs less by it."""
-        found = [self.beam.points[key] if key else self._plain]
-        if key and self._plain is self.core.slow:
-            motion, start = [f for f in found[0].free if not f.of_noise], found[0].values | self.core.little
-            slow = self.core.fitter.fit(start, found[0].present, motion, LONG, every=2, own=True)
-            found += [slow] if slow else []
-        return min((by_stretch(self.core, p) for p in found), key=above_noise)
+    def _least(self, key: Key) -> Point:
+        """A set as fitted; or by its output error, where the model without effects errs less by that."""
+        if not key or self._plain is self.core.base:
+            return self.beam.points[key] if key else self._plain
+        point = self.beam.points[key]
+        found = [point, *fits(self.core, [point.values], point.present)]
+        return min(found, key=lambda p: ahead(self.core, p))
 
     def decide(self) -> Judged:
         """The answer.
@@ -172,6 +176,7 @@ class Judge:
             down_curves + down,
             {k: self.ahead(k) for k in self._stretches},
             posterior,
+            self._best.get(answer),
         )
 
     def _by_effects(self, posterior: dict[Key, float]) -> tuple[dict[Key, float], list[Refused]]:

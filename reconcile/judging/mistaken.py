@@ -11,17 +11,18 @@ import numpy as np
 
 from reconcile import words
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, squares
+from reconcile.errors.ahead import ahead, beyond_sensors, squares
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
 from reconcile.judging.answer import Answer
 from reconcile.judging.readings import Reading, asked, inputs, multiplied, relabelled, rescaled, turned
 from reconcile.recordings.data import Block, Parts
+from reconcile.search.alone import alone
 from reconcile.search.core import Core
 from reconcile.search.sets import effects, weighed
 from reconcile.start.units import known_ratios
-from reconcile.tolerances import EVIDENT, HALVED, INPUT_GAIN, LOST, MOVED, TURNED, WORTH, WRONG
+from reconcile.tolerances import HALVED, LOST, MOVED, SHORTENED, WORTH, WRONG
 from specs.errors import InputError
 
 STEPS = 15  # of a fit: one that is right gets there soon
@@ -32,17 +33,16 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
 
     `names`: the map, {their column: ours}.
     """
-    errs = ahead(core, core.base)
+    errs = min(_by_itself(core)[0], beyond_sensors(core, core.base))
     if errs < WRONG:
         return ""
-    tried = [(*f, reading) for reading in turned(core) if (f := _fitted(core, reading, core.fresh, (), errs))]
-    likelier = [row for row in tried if row[1].total < core.base.total]
-    error, point, found = min(likelier, key=lambda row: row[0], default=(np.inf, core.base, Reading()))
-    clear = error < EVIDENT * errs and not _silent(core, error, core.fresh, ())
-    is_turned = clear or (error < errs and _likelier(core, point))
+    tried = [(*_by_itself(_read(core, reading)), reading) for reading in turned(core)]
+    least = min((error for error, _, _ in tried), default=np.inf)
+    alike = [row for row in tried if row[0] <= (1.0 + SHORTENED) * least]
+    error, _, found = min(alike, key=lambda row: row[1], default=(np.inf, 0.0, Reading()))
+    is_turned = error < HALVED * errs and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
-    enough = HALVED * error if is_turned else min(EVIDENT * errs, WRONG)
-    explained = list(_explained(core, errs, enough))
+    explained = list(_explained(core, errs, HALVED * (error if is_turned else errs)))
     if explained:
         error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""
@@ -159,13 +159,29 @@ def _fitted(
     return known[reading]
 
 
-def _fit(
-    core: Core, reading: Reading, start: Values, present: tuple[Attached, ...], errs: float
-) -> tuple[float, Point] | None:
+def _read(core: Core, reading: Reading) -> Core:
+    """A core whose recordings are read so: by channels turned, or inputs times a ratio."""
     other = copy(core)
     other.records = [replace(r, run=reading.of(r.run)) for r in core.records]
     other.kalman = core.kalman.over(other.records)
     other.fitter = Fitter(other.kalman, core.scored["fit"], core.fitter.noise)
+    other.alone = None
+    return other
+
+
+def _by_itself(core: Core) -> tuple[float, float]:
+    """How far the model errs by its output error, but the sensors' own noise; no end where it runs away.
+
+    Then by how many nats its parameters are beside what model.py states.
+    """
+    found = [(beyond_sensors(core, p), Fitter.prior(p.values, core.base_free)) for p in alone(core)]
+    return min(found, default=(np.inf, np.inf))
+
+
+def _fit(
+    core: Core, reading: Reading, start: Values, present: tuple[Attached, ...], errs: float
+) -> tuple[float, Point] | None:
+    other = _read(core, reading)
     free = [*core.base_free, *core.noise_free, *core.free_of(*present)]
     motion = [f for f in free if not f.of_noise]
     slow = other.fitter.fit(start, present, motion, STEPS, own=True, every=2) if motion else None
@@ -191,8 +207,20 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
         other = Core(core.folder, parts, (), core.share)
     except (InputError, np.linalg.LinAlgError):  # the model runs away
         return np.inf, np.inf, np.inf
-    whole = float(np.sqrt(squares(other, other.base)[0]))
-    return ahead(other, other.base), whole, Fitter.prior(other.base.values, core.base_free)
+    error, whole, point = min(
+        (
+            (beyond_sensors(other, p), float(np.sqrt(squares(other, p)[0])), p)
+            for p in (other.base, *alone(other))
+        ),
+        key=lambda row: row[0],
+    )
+    return error, whole, Fitter.prior(point.values, core.base_free)
+
+
+def _undriven(core: Core, error: float) -> bool:
+    """Whether the model errs nearly as little as `error` without any input: none tells its sign then."""
+    driven = inputs(core)
+    return bool(driven) and error > HALVED * _by_itself(_read(core, multiplied(0.0, *driven)))[0]
 
 
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
@@ -214,13 +242,6 @@ def _boundless(core: Core, error: float, reading: Reading) -> bool:
     if any(units.get(n) == "rad" and ratio < 1.0 for n, ratio in reading.ratios):
         return False
     return reading.again != reading and HALVED * _refitted(core, reading.again)[0] < error
-
-
-def _likelier(core: Core, point: Point) -> bool:
-    """Whether turned channels are far likelier than these, and likelier than inputs that do nothing."""
-    silent = _fitted(core, multiplied(0.0, *inputs(core)), core.fresh, ())
-    useful = silent is None or point.total < silent[1].total - INPUT_GAIN
-    return useful and point.total < core.base.total - TURNED
 
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:

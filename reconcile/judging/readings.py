@@ -11,6 +11,7 @@ from reconcile.start.units import bare, known_ratios, other_units, turned_line, 
 
 Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
+FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
 
@@ -90,9 +91,18 @@ def relabelled(core: Core) -> list[Reading]:
     channels = [*inputs(core), *core.outputs]
     pairs = [(a, b) for a, b in combinations(channels, 2) if units[a] == units[b] or len(channels) <= MANY]
     warm = [n for n in core.outputs if units[n] in ("K", "degC")]
+    cold = [
+        (1.0, ZERO),
+        (1.0, -ZERO),
+        *((FAHRENHEIT, -32.0 * FAHRENHEIT) for n in warm[:1] if units[n] == "degC"),
+    ]
     clocks = [] if core.model.kind == "discrete" else CLOCKS
-    zeros = [tuple((n, zero) for n in warm) for zero in (ZERO, -ZERO) if warm]
-    others = [Reading(exchanged=pair) for pair in pairs] + [Reading(added=added) for added in zeros]
+    zeros = [
+        Reading(tuple((n, r) for n in warm if r != 1.0), added=tuple((n, zero) for n in warm))
+        for r, zero in cold
+        if warm
+    ]
+    others = [Reading(exchanged=pair) for pair in pairs] + zeros
     return [Reading(clock=ratio) for ratio in clocks] + others
 
 
@@ -116,6 +126,8 @@ def asked(reading: Reading, core: Core, gains: str, names: Mapping[str, str]) ->
     stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in channels)
     state = f"state its unit in [names] of --map, as in {stated}, or correct model.py"
     if reading.added:
+        if reading.ratios:
+            return f"column {both}: as degrees Fahrenheit, {gains}; {state}"
         return f"column {both}: with {reading.added[0][1]:+g}, {gains}: degC against K; {state}"
     ratio = reading.ratios[0][1]
     if ratio != -1.0:

@@ -91,6 +91,7 @@ class Core:
         # by another reading of the recordings: error ahead and fit of the model without effects
         self.turned: dict[Any, tuple[float, Point] | None] = {}
         self.slow: Point | None = None  # the base model with little noise, as slow motion has it
+        self.alone: list[Point] | None = None  # the base model by its output error (alone.py), once asked for
         self.shown: Point  # the base model whose disturbance holds all that is missing, what is constant too
         self.values = self._first_values()
         noise = {n: v for n, v in self.values.items() if n.startswith(NOISES)}

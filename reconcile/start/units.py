@@ -118,7 +118,7 @@ def known_ratios() -> dict[float, str]:
 
 def other_units(unit: str) -> list[float]:
     """What a channel of a unit may have to be multiplied by, if it is in another one."""
-    usual = {"rad": DEGREES, "rad/s": TURNING}.get(unit, OTHER)
+    usual = {"rad": DEGREES, "rad/s": TURNING, "K": {}, "degC": {}}.get(unit, OTHER)
     return [r for k in usual for r in (1 / k, k)]
 
 
