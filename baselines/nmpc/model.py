@@ -1,7 +1,8 @@
 """Model predictive controller for slew, arm and tool: estimator at 50 Hz, optimisation at 10 Hz.
 
 Every tick    slew speed from gyro and encoder; inertia, as a load, from motor pressures; swing from the IMU
-              of the tool; the valve's opening and the arm's rates from the commands on their way
+              of the tool; the valve's opening and the arm's rates from the commands on their way; whether
+              the speed is late behind the pressures (lateness.py)
 Every fifth   the state is predicted to where a new command acts, the plan of the last time is moved on, the
               solver (solver.py) improves it; its first inputs are the commands until the next time
 
@@ -19,7 +20,9 @@ from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP, W
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import kinematics, slew_control as control
 
-SOONEST = 6  # ticks that its commands are counted on to be on their way at least: README.md, "How late the drive is"
+SOONEST = (
+    6  # ticks that commands are counted on to be on their way, at least: README.md, "How late the drive is"
+)
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
 FALLBACK_SLOPE = 0.5  # 1/s
 FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
@@ -33,7 +36,7 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     due = x.phase < 0.5
     plan = ca.vertcat(*(getattr(x, f"plan_{i:02d}") for i in range(solver.SIZE)))
     commands, plan, failed = _planned()(
-        due, now, ca.vertcat(*sent.values()), _ticks(x), plan, _task(x, u, p), p.nmpc_tolerance
+        due, now, ca.vertcat(*sent.values()), _ticks(x, p), plan, _task(x, u, p), p.nmpc_tolerance
     )
     commands = ca.if_else(due, commands, ca.vertcat(*(sent[c][-1] for c in CHANNELS)))
     opening = commands[0] * (1 - _resting(now, p))
@@ -60,13 +63,13 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     }
 
 
-def _ticks(x: Namespace) -> Any:
-    """Ticks of commands that are counted on: more if the speed is late, those of the reference machine at most."""
-    return SOONEST + lateness.ticks(x)
+def _ticks(x: Namespace, p: Namespace) -> Any:
+    """Ticks of commands that are counted on: more where the speed is late."""
+    return SOONEST + lateness.ticks(x, p)
 
 
 def _planned() -> ca.Function:
-    """(due, state, commands sent, ticks of them, plan, task, tolerance) -> (commands, plan, whether the fallback is on)."""
+    """(due, state, commands sent, ticks of them, plan, task, tolerance) -> (commands, plan, fallback on)."""
     names = (
         ("now", solver.NX),
         ("sent", 3 * WAY),
