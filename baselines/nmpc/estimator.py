@@ -112,12 +112,16 @@ def step(h: float) -> ca.Function:
     return ca.Function("nmpc_ahead", [x, u, load], [ca.cse(prediction.step(x, u, load, h))])
 
 
-def ahead(now: Any, sent: Any, load: Any) -> Any:
-    """The state as many ticks later as there are commands on their way, the oldest of each channel first."""
+def ahead(now: Any, sent: Any, load: Any, ticks: Any = None) -> Any:
+    """The state as many ticks later as there are commands on their way, the oldest of each channel first.
+
+    With `ticks` only that many of the last ones are counted on.
+    """
     moved, way = step(PAIR * STEP), sent.numel() // len(CHANNELS)
     for tick in range(0, way, PAIR):
         means = [(sent[c * way + tick] + sent[c * way + tick + 1]) / 2 for c in range(len(CHANNELS))]
-        now = moved(now, ca.vertcat(*means), load)
+        later = moved(now, ca.vertcat(*means), load)
+        now = later if ticks is None else ca.if_else(ticks > way - tick - 0.5, later, now)
     return now
 
 

@@ -1,7 +1,8 @@
 """Model predictive controller for slew, arm and tool: estimator at 50 Hz, optimisation at 10 Hz.
 
 Every tick    slew speed from gyro and encoder; inertia, as a load, from motor pressures; swing from the IMU
-              of the tool; the valve's opening and the arm's rates from the commands on their way
+              of the tool; the valve's opening and the arm's rates from the commands on their way; whether
+              the speed is late behind the pressures (lateness.py)
 Every fifth   the state is predicted to where a new command acts, the plan of the last time is moved on, the
               solver (solver.py) improves it; its first inputs are the commands until the next time
 
@@ -14,12 +15,14 @@ from typing import Any
 
 import casadi as ca
 
-from baselines.nmpc import cost, estimator, solver
-from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP
+from baselines.nmpc import cost, estimator, lateness, solver
+from baselines.nmpc.estimator import CHANNELS, CONTROL, PERIOD, SENSORS, STEP, WAY
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import kinematics, slew_control as control
 
-WAY = 6  # ticks that its commands are counted on to be on their way: README.md, "How late the drive is"
+SOONEST = (
+    6  # ticks that commands are counted on to be on their way, at least: README.md, "How late the drive is"
+)
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
 FALLBACK_SLOPE = 0.5  # 1/s
 FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
@@ -33,11 +36,11 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     due = x.phase < 0.5
     plan = ca.vertcat(*(getattr(x, f"plan_{i:02d}") for i in range(solver.SIZE)))
     commands, plan, failed = _planned()(
-        due, now, ca.vertcat(*sent.values()), plan, _task(x, u, p), p.nmpc_tolerance
+        due, now, ca.vertcat(*sent.values()), _ticks(x, p), plan, _task(x, u, p), p.nmpc_tolerance
     )
     commands = ca.if_else(due, commands, ca.vertcat(*(sent[c][-1] for c in CHANNELS)))
     opening = commands[0] * (1 - _resting(now, p))
-    acting = ca.vertcat(*(sent[c][0] for c in CHANNELS))
+    acting = ca.vertcat(*(sent[c][WAY - SOONEST] for c in CHANNELS))
     known = estimator.estimated(x, u, now, speed, acting, p)
     joystick = estimator.joystick(opening, known["band"], p)
     return {
@@ -45,6 +48,7 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
         "bias": bias,
         "phase": ca.if_else(x.phase > PERIOD - 1.5, 0.0, x.phase + 1.0),
         **known,
+        **lateness.told(x, u, speed, p),
         "solves": x.solves + due,
         "fallbacks": x.fallbacks + failed,
         "slew_command": joystick,
@@ -59,17 +63,23 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     }
 
 
+def _ticks(x: Namespace, p: Namespace) -> Any:
+    """Ticks of commands that are counted on: more where the speed is late."""
+    return SOONEST + lateness.ticks(x, p)
+
+
 def _planned() -> ca.Function:
-    """(due, state, commands sent, plan, task, tolerance) -> (commands, plan, whether the fallback is on)."""
+    """(due, state, commands sent, ticks of them, plan, task, tolerance) -> (commands, plan, fallback on)."""
     names = (
         ("now", solver.NX),
         ("sent", 3 * WAY),
+        ("ticks", 1),
         ("plan", solver.SIZE),
         ("task", len(cost.TASK)),
         ("tol", 1),
     )
-    now, sent, plan, task, tolerance = arguments = [ca.MX.sym(n, size) for n, size in names]  # type: ignore[call-arg]
-    ahead = estimator.ahead(now, sent, task[0])
+    now, sent, ticks, plan, task, tolerance = arguments = [ca.MX.sym(n, size) for n, size in names]  # type: ignore[call-arg]
+    ahead = estimator.ahead(now, sent, task[0], ticks)
     given = ca.vertcat(*(sent[(c + 1) * WAY - 1] for c in range(len(CHANNELS))))
     found, gain, _ = solver.solver()(ahead, solver.shifted(plan), given, task)
     failed = 1 - (gain < tolerance)  # a gain that is not a number fails, too
@@ -120,6 +130,7 @@ MODEL = Model(
         Variable("bias", "rad/s", "Bias of the cabin's gyro"),
         Variable("phase", "1", "Ticks since the last solve, 0 to 4"),
         *estimator.STATES,
+        *lateness.STATES,
         Variable("solves", "1", "Solves so far"),
         Variable("fallbacks", "1", "Solves whose plan was not used"),
         *control.COMMAND_STATES,

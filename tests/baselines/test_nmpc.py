@@ -1,11 +1,14 @@
 """The predictive controller: its model against the machine's, solver against known optima, fallback."""
 
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pytest
 
-from baselines.nmpc import cost, estimator, prediction, solver
+from baselines.nmpc import cost, estimator, lateness, prediction, solver
 from baselines.nmpc.model import MODEL, PERIOD
+from fmus.definition import Model
 from fmus.equations import kinematics
 from fmus.toolchain.build import build_fmu
 from fmus.toolchain.discrete import DiscreteStepper
@@ -118,6 +121,72 @@ def test_the_state_ahead_is_as_many_ticks_later_as_commands_are_on_their_way() -
         later = estimator.ahead(ca.DM(x), ca.DM.zeros(3 * ticks), 0.0)
         ways.append(float(later[0]))
     assert ways == pytest.approx([0.2 * 0.12, 0.2 * 0.2], rel=0.1)
+
+
+def test_of_the_commands_on_their_way_only_as_many_are_counted_on_as_asked_for() -> None:
+    """The last ones, bit for bit as if there were no more; all of them where all are asked for."""
+    x, sent = ca.DM(_before(20.0)), np.tile(np.linspace(0.1, 0.3, 10), (3, 1))
+    for ticks in (6, 8, 10):
+        some = estimator.ahead(x, ca.DM(sent.ravel()), 0.0, ca.DM(ticks))
+        alone = estimator.ahead(x, ca.DM(sent[:, 10 - ticks :].ravel()), 0.0)
+        assert np.array_equal(np.array(some), np.array(alone))
+
+
+@pytest.mark.parametrize(("late", "found"), [(0, 0), (4, 0), (8, 4), (10, 4)])
+@pytest.mark.parametrize("inertia", [300e3, 900e3])
+def test_a_speed_that_is_late_behind_the_pressures_is_found_whatever_the_inertia(
+    late: int, found: int, inertia: float
+) -> None:
+    """Torques of starts and stops for 30 s, a gyro with noise: late are 0.16 s and more."""
+    stepper, turned = _driven(inertia, late, seconds=30.0)
+    assert lateness_of(stepper) == found
+    assert turned > np.radians(5)
+
+
+def test_a_machine_that_stands_tells_no_lateness() -> None:
+    """Noise of gyro and pressures, as if everything was late."""
+    stepper, _ = _driven(400e3, 4, seconds=30.0, torque=0.0)
+    assert lateness_of(stepper) == 0
+
+
+def _driven(
+    inertia: float, late: int, seconds: float, torque: float = 100e3
+) -> tuple[DiscreteStepper, float]:
+    """`lateness` alone beside a free inertia with friction; its angle's largest size."""
+    stepper, draw = DiscreteStepper(_alone()), np.random.default_rng(5)
+    displacement = stepper.p[stepper.model.index("parameters", "control_displacement")]
+    speeds, speed, angle, most = [0.0] * (late + 1), 0.0, 0.0, 0.0
+    for tick in range(round(seconds / 0.02)):
+        wanted = torque * float(np.sign(np.sin(0.9 * 0.02 * tick))) * (np.sin(2.3 * 0.02 * tick) > 0)
+        speed += 0.02 * (wanted - 0.3 * inertia * speed) / inertia
+        angle += 0.02 * speed
+        most = max(most, abs(angle))
+        speeds = [*speeds[1:], speed]
+        noise = draw.normal(0, (0.002, 2e4))
+        stepper.set(
+            imu_cabin_rate_z=speeds[0] + noise[0],
+            p_slew_a=5e6 + wanted / displacement + noise[1],
+            p_slew_b=5e6,
+        )
+        stepper.advance()
+    return stepper, most
+
+
+def _alone() -> Model:
+    """The equations of `lateness` as a model of their own."""
+    return Model(
+        name="lateness", description="", kind="discrete", step=MODEL.step, states=lateness.STATES, modes=(),
+        inputs=tuple(v for v in MODEL.inputs if v.name in ("imu_cabin_rate_z", "p_slew_a", "p_slew_b")),
+        outputs=(), parameters=MODEL.parameters, symbolic="MX",
+        rhs=lambda x, u, m, p: lateness.told(x, u, u.imu_cabin_rate_z, p), out=lambda x, u, m, p: {},
+    )  # fmt: skip
+
+
+def lateness_of(stepper: DiscreteStepper) -> int:
+    """Ticks that the states of `lateness` tell."""
+    alike = {name: ca.DM(stepper.state(name)) for name in (f"alike_{k}" for k in (0, lateness.LATE))}
+    margin = stepper.p[stepper.model.index("parameters", "nmpc_margin")]
+    return round(float(lateness.ticks(SimpleNamespace(**alike), SimpleNamespace(nmpc_margin=margin))))
 
 
 def test_a_plan_that_is_not_good_enough_is_counted_and_not_used() -> None:
