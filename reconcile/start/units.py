@@ -9,7 +9,8 @@ import numpy as np
 
 DEGREES = {57.29578: "degrees against radians"}
 TURNING = DEGREES | {9.549297: "revolutions per minute against rad/s"}
-OTHER = {1000.0: "a factor of 1000, such as mm against m or ms against s", 3.6: "km/h against m/s"}
+THOUSAND = {1000.0: "a factor of 1000, such as mm against m or ms against s"}
+OTHER = THOUSAND | {3.6: "km/h against m/s"}
 RATIOS = TURNING | OTHER | {-1.0: "the sign is turned"}
 CLOSE = 0.02  # of a ratio, relative
 SURE = 0.95  # correlation between changes of a position and its integrated speed
@@ -118,7 +119,7 @@ def known_ratios() -> dict[float, str]:
 
 def other_units(unit: str) -> list[float]:
     """What a channel of a unit may have to be multiplied by, if it is in another one."""
-    usual = {"rad": DEGREES, "rad/s": TURNING, "K": {}, "degC": {}}.get(unit, OTHER)
+    usual = {"rad": DEGREES, "rad/s": TURNING, "K": THOUSAND, "degC": THOUSAND}.get(unit, OTHER)
     return [r for k in usual for r in (1 / k, k)]
 
 

@@ -115,11 +115,11 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
         for v, e in ((26.0, {"k": 0.2, "a": 0.1}), (30.0, {"k": 0.3, "a": 0.05}), (99.0, {"b": 1.0}))
     )
     monkeypatch.setattr(answers, "standard_errors", lambda point: point.errors)
-    core = SimpleNamespace(slow=None)
+    core = SimpleNamespace(base=None)
     beam: Any = SimpleNamespace(core=core, points={1: own, 2: other, 3: without})
 
     def interval(name: str, posterior: dict[int, float]):
-        judged: Any = SimpleNamespace(answer=1, posterior=posterior)
+        judged: Any = SimpleNamespace(answer=1, posterior=posterior, point=None)
         return answers.Answer(beam.core, beam, judged).interval(name)
 
     either = {1: 0.3, 2: 0.3, 3: 0.4}
