@@ -42,7 +42,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     error, _, found = min(alike, key=lambda row: row[1], default=(np.inf, 0.0, Reading()))
     is_turned = error < HALVED * errs and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
-    explained = list(_explained(core, errs, HALVED * (error if is_turned else errs)))
+    explained = list(_explained(core, HALVED * (error if is_turned else errs)))
     if explained:
         error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""
@@ -116,22 +116,18 @@ def bounded_effects(answer: Answer) -> str:
     return f"{words.listed(found)}: it may stand for something else." if found else ""
 
 
-def _explained(core: Core, errs: float, enough: float) -> Iterator[tuple[float, float, Reading]]:
+def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Reading]]:
     """Error ahead, nats of parameters and reading, where the model errs less than `enough`.
 
-    An input's gain takes up much of another unit: where there is one, only if the model errs a lot.  So does
-    a parameter of another clock, and two channels may go together either way: of these the parameters may
-    lie no farther from those of model.py, and what is taken for noise counts as error.
+    What is taken for noise counts as error.  A parameter takes up much of another clock, and two channels
+    may go together either way: of these the parameters may lie no farther from those of model.py.
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
-    units = rescaled(core) if errs >= LOST or not inputs(core) else []
-    for reading in units:
-        error, _, nats = _refitted(core, reading)
-        if error < enough and not _boundless(core, error, reading):
-            yield error, nats, reading
-    for reading in relabelled(core):
+    units = rescaled(core)
+    for reading in (*units, *relabelled(core)):
         error, whole, nats = _refitted(core, reading)
-        if whole < enough and nats < stated and not _boundless(core, error, reading):
+        near = reading in units or nats < stated
+        if whole < enough and near and not _boundless(core, error, reading):
             yield error, nats, reading
 
 

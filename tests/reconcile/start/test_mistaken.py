@@ -246,7 +246,7 @@ def test_a_sign_is_asked_for_where_half_of_the_error_is_left(
     errors = {"as they are": (0.65, 0.0), "u": (turned, 1.0), "y": (0.99 * turned, 9.0), "": (undriven, 0.0)}
     monkeypatch.setattr(mistaken, "inputs", lambda core: ["u"])
     monkeypatch.setattr(mistaken, "turned", lambda core: [multiplied(-1.0, n) for n in ("y", "u")])
-    monkeypatch.setattr(mistaken, "_explained", lambda core, errs, enough: [])
+    monkeypatch.setattr(mistaken, "_explained", lambda core, enough: [])
     monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 0.7)
     monkeypatch.setattr(mistaken, "_by_itself", lambda core: errors[core.name])
 
