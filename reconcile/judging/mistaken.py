@@ -25,6 +25,7 @@ from reconcile.start.units import known_ratios
 from reconcile.tolerances import HALVED, LOST, MOVED, SHORTENED, WORTH, WRONG
 from specs.errors import InputError
 
+FAR = 10.0  # times a parameter, or a tenth of it: no value that somebody was unsure of
 STEPS = 15  # of a fit: one that is right gets there soon
 
 
@@ -86,6 +87,17 @@ def turned_parameters(answer: Answer) -> str:
         and abs(point.values[v.name] - v.start) > MOVED * errors[v.name]
     ]
     return f"{', '.join(found)}: is the sign of a channel turned?" if found else ""
+
+
+def far_parameters(answer: Answer) -> str:
+    """A sentence on base parameters that come out ten times as large or small as model.py says; "" without."""
+    errors, point, found = standard_errors(answer.point), answer.point, []
+    for v in answer.core.model.parameters:
+        ratio = abs(point.values[v.name] / v.start) if v.start and v.name in errors else 1.0
+        sure = MOVED * errors.get(v.name, 0.0) < abs(point.values[v.name] - v.start)
+        if sure and ratio and max(ratio, 1.0 / ratio) > FAR:
+            found.append(f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}")
+    return f"{', '.join(found)}: are its unit and those of the columns right?" if found else ""
 
 
 def bounded_parameters(answer: Answer) -> str:

@@ -16,6 +16,7 @@ CLOSE = 0.02  # of a ratio, relative
 SURE = 0.95  # correlation between changes of a position and its integrated speed
 LAGS = (1, 2, 5, 10, 20, 50)  # samples
 SHORTEST = 12  # changes to compare
+FAR_BEYOND = 3.0  # times the limits that a model states of an input: no command, another unit
 SATURATED = 0.5  # share of samples at one extreme value, and not all of them
 
 
@@ -46,6 +47,26 @@ def doubts(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = No
                 found.append(Doubt(rate, position, ratio, text))
                 break
     return found
+
+
+def question(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = None) -> str:
+    """What is asked before anything is fitted; "" where nothing is."""
+    return beyond(model, runs, names) or next((d.sentence for d in doubts(model, runs, names)), "")
+
+
+def beyond(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = None) -> str:
+    """A question about an input that goes far beyond the limits that model.py states of it; "" without."""
+    theirs = {bare(ours): column for column, ours in (names or {}).items()}
+    for v in model.inputs:
+        values = [np.abs(r.inputs[v.name].values).max() for r in runs if v.name in r.inputs]
+        most = max(abs(v.min or 0.0), abs(v.max or 0.0))
+        if values and most and (reach := max(values)) > FAR_BEYOND * most:
+            column = theirs.get(v.name, v.name)
+            return (
+                f"column {column} reaches {reach:g}, and model.py says at most {most:g} of {v.name} [{v.unit}]: "
+                f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]', or correct model.py"
+            )
+    return ""
 
 
 def notes(runs: Sequence[Any]) -> list[str]:

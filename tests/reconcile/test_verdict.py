@@ -230,3 +230,19 @@ def test_effects_that_are_as_likely_as_a_curve_take_its_place(rig, behind: float
     found, refused = judges.Judge(beam)._by_effects(posterior)
     assert found == ({effect: pytest.approx(1.0)} if kept else posterior)
     assert [r.effect for r in refused] == (["friction_curve"] if kept else [])
+
+
+@pytest.mark.parametrize(("value", "said"), [(78.7, True), (40000.0, True), (400.0, False)])
+def test_a_parameter_that_comes_out_ten_times_off_is_said(monkeypatch, value: float, said: bool):
+    monkeypatch.setattr(mistaken, "standard_errors", lambda point: {"tau": 1.0, "loose": 1e5})
+    parameters = (SimpleNamespace(name="tau", start=3000.0), SimpleNamespace(name="loose", start=1.0))
+    point = SimpleNamespace(values={"tau": value, "loose": 1e5})
+    answer: Any = SimpleNamespace(
+        point=point, core=SimpleNamespace(model=SimpleNamespace(parameters=parameters))
+    )
+    found = mistaken.far_parameters(answer)
+    assert found == (
+        f"tau comes out at {value:.4g} instead of 3000: are its unit and those of the columns right?"
+        if said
+        else ""
+    )
