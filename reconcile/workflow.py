@@ -17,6 +17,7 @@ from reconcile.judging import (
     clocks as recorded_clocks,
     combined,
     correlated,
+    hints,
     inputs,
     mistaken,
     offsets,
@@ -142,7 +143,7 @@ def examine(
     figures |= told(answer, figures)
     doubts = [mistaken.turned_parameters, mistaken.far_parameters]
     doubts += [mistaken.bounded_parameters, mistaken.bounded_effects]
-    doubts += [offsets.short, offsets.everywhere]
+    doubts += [offsets.short, offsets.everywhere, hints.by_output_error]
     for more in (*(said_of(answer) for said_of in doubts), CUT * answer.beam.cut):
         figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)

@@ -90,7 +90,7 @@ def turned_parameters(answer: Answer) -> str:
 
 
 def far_parameters(answer: Answer) -> str:
-    """A sentence on base parameters that come out ten times as large or small as model.py says; "" without."""
+    """A sentence on base parameters that come out ten times off what model.py says; "" without."""
     errors, point, found = standard_errors(answer.point), answer.point, []
     for v in answer.core.model.parameters:
         ratio = abs(point.values[v.name] / v.start) if v.start and v.name in errors else 1.0

@@ -62,10 +62,9 @@ def beyond(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = No
         most = max(abs(v.min or 0.0), abs(v.max or 0.0))
         if values and most and (reach := max(values)) > FAR_BEYOND * most:
             column = theirs.get(v.name, v.name)
-            return (
-                f"column {column} reaches {reach:g}, and model.py says at most {most:g} of {v.name} [{v.unit}]: "
-                f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]', or correct model.py"
-            )
+            said = f"column {column} reaches {reach:g}, and {v.name} [{v.unit}] at most {most:g} by model.py"
+            unit = f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
+            return f"{said}: {unit}, or correct model.py"
     return ""
 
 

@@ -82,5 +82,5 @@ def test_an_input_far_beyond_its_limits_is_asked_for(most: float | None, asked: 
     said = beyond(SimpleNamespace(inputs=(torque,)), [run], {"M": "torque"})
     assert bool(said) == asked
     if asked:
-        assert said.startswith("column M reaches 10, and model.py says at most 2 of torque [N.m]: ")
+        assert said.startswith("column M reaches 10, and torque [N.m] at most 2 by model.py: ")
         assert "'M' = 'torque [unit]'" in said
