@@ -17,6 +17,7 @@ from reconcile.judging import (
     clocks as recorded_clocks,
     combined,
     correlated,
+    hints,
     inputs,
     mistaken,
     offsets,
@@ -82,7 +83,7 @@ def reconcile(
     sets = _read(given, folder, renamed)
     if not as_stated:
         every = [r for runs in sets for r in runs]
-        _ask(next((d.sentence for d in units.doubts(folder.model, every, renamed)), ""))
+        _ask(units.question(folder.model, every, renamed))
     with target.first_page(out) as page:
         first = None if report_only else partial(_show_first, page, said)
         figures, answer = examine(folder, *sets, report=said, names=renamed, first=first, as_stated=as_stated)
@@ -140,8 +141,9 @@ def examine(
         figures["sentence"] += f" {recorded_clocks.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(answer, figures)
-    doubts = [mistaken.turned_parameters, mistaken.bounded_parameters, mistaken.bounded_effects]
-    doubts += [offsets.short, offsets.everywhere]
+    doubts = [mistaken.turned_parameters, mistaken.far_parameters]
+    doubts += [mistaken.bounded_parameters, mistaken.bounded_effects]
+    doubts += [offsets.short, offsets.everywhere, hints.by_output_error]
     for more in (*(said_of(answer) for said_of in doubts), CUT * answer.beam.cut):
         figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)

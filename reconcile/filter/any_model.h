@@ -1,9 +1,8 @@
 /* Sizes and equations of a model that come with each run: filter.c is compiled once, with this, for all models. */
 #include "most.h" /* generated: MOST_... */
 
-/* Operations, four numbers each: which one (CasADi's), where its result goes, from where.  Played in that order. */
+/* Operations, four numbers each: which one (CasADi's), where its result goes, from where.  Played up to the end's. */
 typedef struct {
-  int length;
   const int *operations;
   const double *constants;
 } Tape;

@@ -19,9 +19,9 @@ DRIVER = "".join(
     (HERE / n).read_text(encoding="utf-8") for n in ("filter.c", "dry_friction.h", "noise_slopes.h")
 )
 PLAYER = "".join((HERE / n).read_text(encoding="utf-8") for n in ("any_model.h", "tape.c"))
-MOST = "".join(f"#define MOST_{n} {v}\n" for n, v in tape.MOST.items())
+HEADERS = tape.HEADERS | {"most.h": "".join(f"#define MOST_{n} {v}\n" for n, v in tape.MOST.items())}
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
-PAYS = 3e8  # operations played before a model is compiled: they take about as long as a compiler does
+PAYS = 5e7  # operations played before a model is compiled: they take about as long as a compiler does
 CPU = Path("/proc/cpuinfo")
 POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "creep", "x0", "p0")
 RESULTS = ("e", "s", "z", "v", "window", "free", "zfree", "phi", "before", "after", "ahead")
@@ -124,7 +124,7 @@ class Library:
 def _player() -> Callable[..., int]:
     """The filter of any model."""
     host = compiler.host()
-    parts = (DRIVER, PLAYER, MOST, tape.HEADER, _built())
+    parts = (DRIVER, PLAYER, *HEADERS.values(), _built())
 
     def build(folder: Path) -> Path:
         headers(folder)
@@ -142,7 +142,7 @@ def _player() -> Callable[..., int]:
 
 def headers(folder: Path) -> None:
     """What any_model.h and tape.c include, generated."""
-    for name, text in (("most.h", MOST), ("operations.h", tape.HEADER)):
+    for name, text in HEADERS.items():
         (folder / name).write_text(text, encoding="utf-8")
 
 

@@ -8,16 +8,21 @@ const Model *model;
 
 static int play(const Tape *tape, const double **arg, double **res) {
   static double w[MOST_W];
+  static const void *const places[] = {
+#include "places.h" /* generated: where each operation is done */
+  };
   const double *constant = tape->constants;
-  for (const int *o = tape->operations, *end = o + 4 * tape->length; o < end; o += 4) {
-    const double a = w[o[2]], b = w[o[3]];
-    switch (o[0]) {
+  const int *o = tape->operations;
+#define a w[o[2]]
+#define b w[o[3]]
+#define NEXT \
+  o += 4; \
+  goto *places[o[0]];
+  goto *places[o[0]]; /* each goes on to the next: what follows what is foreseen better than from one place */
 #include "operations.h" /* generated */
-    default: return 1;
-    }
-  }
-  return 0;
 }
+#undef a
+#undef b
 
 #define PLAYED(name, which) \
   int name(const double **arg, double **res, long long *iw, double *w, int mem) { \

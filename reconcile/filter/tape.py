@@ -57,15 +57,17 @@ OPERATIONS = {
     "OP_HYPOT": "hypot(a, b)",
 }
 KNOWN = {getattr(ca, name): c for name, c in OPERATIONS.items()}
-HEADER = "".join(
-    f"case {number}: {done}; break;\n"
-    for number, done in (
-        *((number, f"w[o[1]] = {c}") for number, c in KNOWN.items()),
-        (ca.OP_CONST, "w[o[1]] = *constant++"),
-        (ca.OP_INPUT, "w[o[1]] = arg[o[2]] ? arg[o[2]][o[3]] : 0"),
-        (ca.OP_OUTPUT, "if (res[o[1]]) res[o[1]][o[3]] = a"),
-    )
-)
+END = 1 + max(KNOWN)  # of a tape
+DONE = {number: f"w[o[1]] = {c}" for number, c in KNOWN.items()} | {
+    ca.OP_CONST: "w[o[1]] = *constant++",
+    ca.OP_INPUT: "w[o[1]] = arg[o[2]] ? arg[o[2]][o[3]] : 0",
+    ca.OP_OUTPUT: "if (res[o[1]]) res[o[1]][o[3]] = a",
+    END: "return 0",
+}
+HEADERS = {  # of tape.c
+    "places.h": "".join(f"[{n}] = &&done_{n},\n" for n in DONE),
+    "operations.h": "".join(f"done_{n}: {done}; NEXT\n" for n, done in DONE.items()),
+}
 # sizes of what is played; larger models are compiled
 MOST = {"NX": 48, "NU": 256, "NW": 24, "NY": 24, "NI": 64, "AXES": 16, "W": 16384}
 TAPES = ("kf_in", "kf_f", "kf_dry", "kf_post", "kf_fj", "kf_hj", "kf_first")
@@ -73,11 +75,7 @@ SIZES = ("NX", "NU", "NM", "NW", "NY", "NI", "NH", "AXES", "POSTS", "W0", "DT", 
 
 
 class _Tape(ctypes.Structure):
-    _fields_ = (
-        ("length", ctypes.c_int),
-        ("operations", ctypes.c_void_p),
-        ("constants", ctypes.c_void_p),
-    )
+    _fields_ = (("operations", ctypes.c_void_p), ("constants", ctypes.c_void_p))
 
 
 class Played(ctypes.Structure):
@@ -102,7 +100,7 @@ class Played(ctypes.Structure):
         found = [_tape(functions[n]) for n in TAPES]
         self.arrays += [a for pair in found for a in pair]
         self.operations = sum(len(o) for o, _ in found)
-        self.made = (_Tape * len(found))(*((len(o), o.ctypes.data, c.ctypes.data) for o, c in found))
+        self.made = (_Tape * len(found))(*((o.ctypes.data, c.ctypes.data) for o, c in found))
         places = {n: a.ctypes.data for n, a in zip(("axis_v", "axis_q"), self.arrays, strict=False)}
         super().__init__(**given, **places, tapes=ctypes.addressof(self.made))
 
@@ -136,4 +134,4 @@ def _tape(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
             operations.append((number, made[0], given[0], made[1]))
         else:
             operations.append((number, made[0], *given, *[0] * (2 - len(given))))
-    return np.array(operations, np.int32).reshape(-1, 4), np.array(constants)
+    return np.array([*operations, (END, 0, 0, 0)], np.int32), np.array(constants)

@@ -25,6 +25,7 @@ from reconcile.start.units import known_ratios
 from reconcile.tolerances import HALVED, LOST, MOVED, SHORTENED, WORTH, WRONG
 from specs.errors import InputError
 
+FAR = 10.0  # times a parameter, or a tenth of it: no value that somebody was unsure of
 STEPS = 15  # of a fit: one that is right gets there soon
 
 
@@ -42,7 +43,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     error, _, found = min(alike, key=lambda row: row[1], default=(np.inf, 0.0, Reading()))
     is_turned = error < HALVED * errs and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
-    explained = list(_explained(core, errs, HALVED * (error if is_turned else errs)))
+    explained = list(_explained(core, HALVED * (error if is_turned else errs)))
     if explained:
         error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""
@@ -88,6 +89,17 @@ def turned_parameters(answer: Answer) -> str:
     return f"{', '.join(found)}: is the sign of a channel turned?" if found else ""
 
 
+def far_parameters(answer: Answer) -> str:
+    """A sentence on base parameters that come out ten times off what model.py says; "" without."""
+    errors, point, found = standard_errors(answer.point), answer.point, []
+    for v in answer.core.model.parameters:
+        ratio = abs(point.values[v.name] / v.start) if v.start and v.name in errors else 1.0
+        sure = MOVED * errors.get(v.name, 0.0) < abs(point.values[v.name] - v.start)
+        if sure and ratio and max(ratio, 1.0 / ratio) > FAR:
+            found.append(f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}")
+    return f"{', '.join(found)}: are its unit and those of the columns right?" if found else ""
+
+
 def bounded_parameters(answer: Answer) -> str:
     """A sentence on fitted base parameters that lie at limits of model.py; "" without.
 
@@ -116,22 +128,18 @@ def bounded_effects(answer: Answer) -> str:
     return f"{words.listed(found)}: it may stand for something else." if found else ""
 
 
-def _explained(core: Core, errs: float, enough: float) -> Iterator[tuple[float, float, Reading]]:
+def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Reading]]:
     """Error ahead, nats of parameters and reading, where the model errs less than `enough`.
 
-    An input's gain takes up much of another unit: where there is one, only if the model errs a lot.  So does
-    a parameter of another clock, and two channels may go together either way: of these the parameters may
-    lie no farther from those of model.py, and what is taken for noise counts as error.
+    What is taken for noise counts as error.  A parameter takes up much of another clock, and two channels
+    may go together either way: of these the parameters may lie no farther from those of model.py.
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
-    units = rescaled(core) if errs >= LOST or not inputs(core) else []
-    for reading in units:
-        error, _, nats = _refitted(core, reading)
-        if error < enough and not _boundless(core, error, reading):
-            yield error, nats, reading
-    for reading in relabelled(core):
+    units = rescaled(core)
+    for reading in (*units, *relabelled(core)):
         error, whole, nats = _refitted(core, reading)
-        if whole < enough and nats < stated and not _boundless(core, error, reading):
+        near = reading in units or nats < stated
+        if whole < enough and near and not _boundless(core, error, reading):
             yield error, nats, reading
 
 

@@ -34,12 +34,14 @@ def fits(core: Core, starts: Sequence[Values], present: Sequence[Attached] = ())
     """
     loud = [f for f in core.noise_free if f.name.startswith(NOISE)]
     motion = [f for f in (*core.base_free, *core.free_of(*present)) if not f.of_noise]
-    begun = [s | _undisturbed(core) | _off(core, s) for s in starts]
-    found = [core.fitter.fit(s, present, [*motion, *loud], STEPS, own=True, every=2) for s in begun]
-    found = [p for p in found if p is not None]
-    if not found:
+    best: Point | None = None
+    for start in starts:
+        begun = start | _undisturbed(core) | _off(core, start)
+        least = best.total if best else np.inf
+        found = core.fitter.fit(begun, present, [*motion, *loud], STEPS, every=2, hopeless=least, own=True)
+        best = found if found and found.total < least else best
+    if best is None:
         return []
-    best = min(found, key=lambda p: p.total)
     noise = {n: v for n, v in starts[0].items() if n.startswith(NOISES)}
     as_noisy = core.fitter.fit(best.values | noise, present, [*motion, *core.noise_free], 0, own=True)
     return [best] if as_noisy is None else [best, as_noisy]

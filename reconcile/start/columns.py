@@ -25,10 +25,11 @@ WORDS = {
     "acceleration": "acc accel acceleration qdd ddq beschleunigung",
     "velocity": "v vel velocity speed omega w rpm rate qd dq qdot drehzahl geschwindigkeit geschw thetadot",
     "input": "u tau torque force cmd command voltage current moment drehmoment kraft pwm input spannung "
-    "strom volt effort duty trq frc in valve spool pump heater throttle lever joystick control ctrl",
+    "strom volt effort duty trq frc in valve spool pump heater throttle lever joystick control ctrl rudder",
     "position": "q p x y pos position angle phi theta winkel weg height hoehe encoder stroke lage ang",
 }
 ROLE_OF_WORD = {word: role for role, words in WORDS.items() for word in words.split()}
+COMMANDS = ("command", "cmd", "input", "rudder")  # inputs whatever their unit: a position may be asked for
 UNIT_ROLES = (
     ("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity"),
     ("rad/s2", "acceleration"), ("m/s2", "acceleration"), ("N", "input"), ("N.m", "input"),
@@ -128,6 +129,8 @@ def _role(name: str, unit: str) -> tuple[str, str]:
         return "setpoint", "its name says that it is a wanted value"
     if set(words) & set(LEVELS) and is_of(unit, "m"):
         return "other", "its name says that it is a level"
+    if command := next((w for w in words if w in COMMANDS), ""):
+        return "input", f"its name has '{command}'"
     for wanted, role in UNIT_ROLES:
         if is_of(unit, wanted):
             return role, f"its unit is {unit}"

@@ -36,8 +36,8 @@ def examine(paths: Sequence[Path], model: str, names: Path | None = None) -> dic
     variables = [v.name for v in (*folder.model.inputs, *folder.model.outputs)]
     renamed = checks.read_names(names, variables)
     runs = [run for path in paths for run in read_run(path, folder, renamed)]
-    for doubt in units.doubts(folder.model, runs, renamed):
-        raise InputError(doubt.sentence)
+    if asked := units.question(folder.model, runs, renamed):
+        raise InputError(asked)
     runs = list(inputs.without_noise(folder, (runs, (), ()))[0])
     core = Core(folder, split(runs, (), ()))
     return told(core, runs) | {"question": mistaken.evident(core, renamed)}

@@ -9,12 +9,14 @@ import numpy as np
 
 DEGREES = {57.29578: "degrees against radians"}
 TURNING = DEGREES | {9.549297: "revolutions per minute against rad/s"}
-OTHER = {1000.0: "a factor of 1000, such as mm against m or ms against s", 3.6: "km/h against m/s"}
+THOUSAND = {1000.0: "a factor of 1000, such as mm against m or ms against s"}
+OTHER = THOUSAND | {3.6: "km/h against m/s"}
 RATIOS = TURNING | OTHER | {-1.0: "the sign is turned"}
 CLOSE = 0.02  # of a ratio, relative
 SURE = 0.95  # correlation between changes of a position and its integrated speed
 LAGS = (1, 2, 5, 10, 20, 50)  # samples
 SHORTEST = 12  # changes to compare
+FAR_BEYOND = 3.0  # times the limits that a model states of an input: no command, another unit
 SATURATED = 0.5  # share of samples at one extreme value, and not all of them
 
 
@@ -45,6 +47,25 @@ def doubts(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = No
                 found.append(Doubt(rate, position, ratio, text))
                 break
     return found
+
+
+def question(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = None) -> str:
+    """What is asked before anything is fitted; "" where nothing is."""
+    return beyond(model, runs, names) or next((d.sentence for d in doubts(model, runs, names)), "")
+
+
+def beyond(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = None) -> str:
+    """A question about an input that goes far beyond the limits that model.py states of it; "" without."""
+    theirs = {bare(ours): column for column, ours in (names or {}).items()}
+    for v in model.inputs:
+        values = [np.abs(r.inputs[v.name].values).max() for r in runs if v.name in r.inputs]
+        most = max(abs(v.min or 0.0), abs(v.max or 0.0))
+        if values and most and (reach := max(values)) > FAR_BEYOND * most:
+            column = theirs.get(v.name, v.name)
+            said = f"column {column} reaches {reach:g}, and {v.name} [{v.unit}] at most {most:g} by model.py"
+            unit = f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
+            return f"{said}: {unit}, or correct model.py"
+    return ""
 
 
 def notes(runs: Sequence[Any]) -> list[str]:
@@ -118,7 +139,7 @@ def known_ratios() -> dict[float, str]:
 
 def other_units(unit: str) -> list[float]:
     """What a channel of a unit may have to be multiplied by, if it is in another one."""
-    usual = {"rad": DEGREES, "rad/s": TURNING, "K": {}, "degC": {}}.get(unit, OTHER)
+    usual = {"rad": DEGREES, "rad/s": TURNING, "K": THOUSAND, "degC": THOUSAND}.get(unit, OTHER)
     return [r for k in usual for r in (1 / k, k)]
 
 

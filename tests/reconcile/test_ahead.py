@@ -60,8 +60,14 @@ def test_a_model_that_runs_away_errs_without_end(monkeypatch):
 def test_the_model_without_effects_is_the_fit_that_errs_less_above_the_noise(monkeypatch):
     monkeypatch.setattr(errors, "ahead", lambda core, point: point)
     monkeypatch.setattr(errors, "noise", lambda core, point: 0.1)
-    for base, slow, wanted in ((0.4, 0.3, 0.3), (0.2, 0.3, 0.2), (0.4, None, 0.4), (0.09, 0.01, 0.09)):
-        assert errors.without_effects(SimpleNamespace(base=base, slow=slow)) == wanted  # type: ignore[arg-type]
+    monkeypatch.setattr(errors, "alone", lambda core: core.alone)
+    for base, alone, wanted in (
+        (0.4, [0.35, 0.3], 0.3),
+        (0.2, [0.3], 0.2),
+        (0.4, [], 0.4),
+        (0.09, [0.01], 0.09),
+    ):
+        assert errors.without_effects(SimpleNamespace(base=base, alone=alone)) == wanted  # type: ignore[arg-type]
 
 
 def judged(without: list[float], with_it: list[float]) -> tuple[judges.Judge, Any]:

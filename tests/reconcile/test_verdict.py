@@ -115,11 +115,11 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
         for v, e in ((26.0, {"k": 0.2, "a": 0.1}), (30.0, {"k": 0.3, "a": 0.05}), (99.0, {"b": 1.0}))
     )
     monkeypatch.setattr(answers, "standard_errors", lambda point: point.errors)
-    core = SimpleNamespace(slow=None)
+    core = SimpleNamespace(base=None)
     beam: Any = SimpleNamespace(core=core, points={1: own, 2: other, 3: without})
 
     def interval(name: str, posterior: dict[int, float]):
-        judged: Any = SimpleNamespace(answer=1, posterior=posterior)
+        judged: Any = SimpleNamespace(answer=1, posterior=posterior, point=None)
         return answers.Answer(beam.core, beam, judged).interval(name)
 
     either = {1: 0.3, 2: 0.3, 3: 0.4}
@@ -230,3 +230,19 @@ def test_effects_that_are_as_likely_as_a_curve_take_its_place(rig, behind: float
     found, refused = judges.Judge(beam)._by_effects(posterior)
     assert found == ({effect: pytest.approx(1.0)} if kept else posterior)
     assert [r.effect for r in refused] == (["friction_curve"] if kept else [])
+
+
+@pytest.mark.parametrize(("value", "said"), [(78.7, True), (40000.0, True), (400.0, False)])
+def test_a_parameter_that_comes_out_ten_times_off_is_said(monkeypatch, value: float, said: bool):
+    monkeypatch.setattr(mistaken, "standard_errors", lambda point: {"tau": 1.0, "loose": 1e5})
+    parameters = (SimpleNamespace(name="tau", start=3000.0), SimpleNamespace(name="loose", start=1.0))
+    point = SimpleNamespace(values={"tau": value, "loose": 1e5})
+    answer: Any = SimpleNamespace(
+        point=point, core=SimpleNamespace(model=SimpleNamespace(parameters=parameters))
+    )
+    found = mistaken.far_parameters(answer)
+    assert found == (
+        f"tau comes out at {value:.4g} instead of 3000: are its unit and those of the columns right?"
+        if said
+        else ""
+    )

@@ -183,7 +183,13 @@ def _header_in_comment(comments, rows, delimiter, clocks, source):
         if len(heads) == len(cells) and _names(heads):
             return [(before[-1].number, heads), *rows]
     shown = delimiter.join(cells)[:40] if delimiter != BLANKS else " ".join(cells)[:40]
-    raise InputError(f"{source}: line {number} is no header: '{shown}' holds numbers")
+    names = (" " if delimiter == BLANKS else delimiter).join(
+        ["time", *(f"channel{k}" for k in range(1, len(cells)))]
+    )
+    raise InputError(
+        f"{source}: line {number} is no header: '{shown}' holds numbers; write the names of the columns above "
+        f"it, as in '{names}'"
+    )
 
 
 def _names(cells: Sequence[str]) -> bool:

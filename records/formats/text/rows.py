@@ -147,8 +147,8 @@ class Rows:
         return self.delimiter.join(cells)
 
     def _hint(self, width: int) -> str:
-        twice = self.delimiter == "," and width == 2 * self.layout.width
-        return "; with decimal commas, cells must be separated by ; or stand in quotes" if twice else ""
+        split = self.delimiter == "," and self.layout.width < width <= 2 * self.layout.width
+        return "; with decimal commas, cells must be separated by ; or stand in quotes" if split else ""
 
     def _split(self, line: str) -> list[str]:
         """The cells of a line as a reader of CSV takes them: a quote opens only at the beginning

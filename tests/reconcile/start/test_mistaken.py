@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from reconcile.judging import mistaken
-from reconcile.judging.readings import Reading, asked, relabelled
+from reconcile.judging.readings import Reading, asked, multiplied, relabelled
 from reconcile.recordings import checks
-from reconcile.recordings.data import read_run, split
+from reconcile.recordings.data import Run, Signal, read_run, split
 from reconcile.search.core import Core
 from reconcile.workflow import examine
 from slewright.__main__ import run
@@ -234,17 +234,42 @@ def test_what_settles_a_question_about_columns_is_said_in_the_recordings_words()
 
 
 @pytest.mark.parametrize(
-    ("turned", "silent", "asked"),
-    [(-1840.0, -1813.0, True), (-1815.0, -1813.0, False), (60.0, 90.0, False)],
+    ("turned", "undriven", "said"),
+    [(0.3, 0.65, True), (0.4, 0.65, False), (0.3, 0.35, False)],
+    ids=["half of the error is left", "more is left", "without any input, too"],
 )
-def test_turned_channels_have_to_be_likelier_than_those_of_now_and_than_no_input(
-    monkeypatch, turned: float, silent: float, asked: bool
+def test_a_sign_is_asked_for_where_half_of_the_error_is_left(
+    monkeypatch, turned: float, undriven: float, said: bool
 ):
-    core: Any = SimpleNamespace(base=SimpleNamespace(total=148.0), fresh={})
+    """Of readings that leave as little, the one whose parameters are nearer to the model's is asked for."""
+    core: Any = SimpleNamespace(base=None, name="as they are")
+    errors = {"as they are": (0.65, 0.0), "u": (turned, 1.0), "y": (0.99 * turned, 9.0), "": (undriven, 0.0)}
     monkeypatch.setattr(mistaken, "inputs", lambda core: ["u"])
-    monkeypatch.setattr(mistaken, "_fitted", lambda *a: (0.1, SimpleNamespace(total=silent)))
-    point: Any = SimpleNamespace(total=turned)
-    assert mistaken._likelier(core, point) is asked
+    monkeypatch.setattr(mistaken, "turned", lambda core: [multiplied(-1.0, n) for n in ("y", "u")])
+    monkeypatch.setattr(mistaken, "_explained", lambda core, enough: [])
+    monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 0.7)
+    monkeypatch.setattr(mistaken, "_by_itself", lambda core: errors[core.name])
+
+    def read(core, reading):
+        ((name, ratio),) = reading.ratios
+        return SimpleNamespace(name=name if ratio else "")
+
+    monkeypatch.setattr(mistaken, "_read", read)
+    monkeypatch.setattr(mistaken, "asked", lambda reading, core, gains, names: reading.ratios[0][0])
+    assert mistaken.evident(core) == ("u" if said else "")
+
+
+def test_degrees_fahrenheit_are_a_reading_of_what_is_in_celsius():
+    model = SimpleNamespace(kind="continuous", inputs=[], outputs=[SimpleNamespace(name="t", unit="degC")])
+    core: Any = SimpleNamespace(
+        model=model, folder=SimpleNamespace(ports=SimpleNamespace(controls=[])), runs=[]
+    )
+    core.outputs = ["t"]
+    (found,) = (r for r in relabelled(core) if r.ratios)
+    signal = Signal(np.arange(2.0), np.array([32.0, 212.0]))
+    run = Run("run", 0.0, 1.0, {}, {"t": signal})
+    np.testing.assert_allclose(found.of(run).outputs["t"].values, [0.0, 100.0], atol=1e-9)
+    assert "column warm: as degrees Fahrenheit" in asked(found, core, "", {"warm": "t"})
 
 
 @pytest.mark.parametrize(

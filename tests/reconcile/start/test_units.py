@@ -1,13 +1,15 @@
 """Channels whose unit or sign is not what the model and the map take them for."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from reconcile.equations.model import read_folder
 from reconcile.recordings.data import read_run
-from reconcile.start.units import doubts, notes, pairs
+from reconcile.start.units import beyond, doubts, notes, pairs
 from slewright.__main__ import run
 from tests.conftest import ROOT
 from tests.reconcile.start.test_init import rig, table
@@ -71,3 +73,14 @@ def test_constant_and_saturated_channels_are_said(tmp_path: Path):
     said = notes(read_run(file, read_folder(DATA / "model")))
     assert any(s.startswith("torque keeps one value") for s in said)
     assert any(s.startswith("velocity is at its largest value") for s in said)
+
+
+@pytest.mark.parametrize(("most", "asked"), [(20.0, False), (6.0, False), (2.0, True), (None, False)])
+def test_an_input_far_beyond_its_limits_is_asked_for(most: float | None, asked: bool):
+    torque = SimpleNamespace(name="torque", unit="N.m", min=None if most is None else -most, max=most)
+    run: Any = SimpleNamespace(inputs={"torque": SimpleNamespace(values=np.array([0.0, -10.0, 3.0]))})
+    said = beyond(SimpleNamespace(inputs=(torque,)), [run], {"M": "torque"})
+    assert bool(said) == asked
+    if asked:
+        assert said.startswith("column M reaches 10, and torque [N.m] at most 2 by model.py: ")
+        assert "'M' = 'torque [unit]'" in said
