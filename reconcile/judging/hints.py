@@ -36,7 +36,7 @@ def by_output_error(answer: Answer) -> str:
     *others, last = (f"{a.effect.name} ({a.port})" for a in alike)
     names = " or ".join([*([", ".join(others)] if others else []), last])
     return (
-        f"A hint: by itself, without any disturbance, it errs by {words.percent(least)} instead of "
+        f"A hint: by itself, without any disturbance, the model errs by {words.percent(least)} instead of "
         f"{words.percent(without)} with {names}."
     )
 

@@ -70,7 +70,7 @@ def test_where_nothing_is_named_the_effect_that_helps_most_is_a_hint(rubbed: Cor
     beam.points[frozenset()] = rubbed.base
     answer = Answer(rubbed, beam, judged(beam, frozenset()))
     said = hints.by_output_error(answer)
-    assert said.startswith("A hint: by itself, without any disturbance, it errs by ")
+    assert said.startswith("A hint: by itself, without any disturbance, the model errs by ")
     assert said.endswith(" with coulomb_friction (v).")
 
 

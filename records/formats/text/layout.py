@@ -182,13 +182,12 @@ def _header_in_comment(comments, rows, delimiter, clocks, source):
         heads = cells_of(before[-1].text.lstrip("#%/ "), delimiter)
         if len(heads) == len(cells) and _names(heads):
             return [(before[-1].number, heads), *rows]
-    shown = delimiter.join(cells)[:40] if delimiter != BLANKS else " ".join(cells)[:40]
-    names = (" " if delimiter == BLANKS else delimiter).join(
-        ["time", *(f"channel{k}" for k in range(1, len(cells)))]
-    )
+    between = " " if delimiter == BLANKS else delimiter
+    shown = between.join(cells)[:40]
+    names = between.join(["time", *(f"channel{k}" for k in range(1, len(cells)))])
     raise InputError(
-        f"{source}: line {number} is no header: '{shown}' holds numbers; write the names of the columns above "
-        f"it, as in '{names}'"
+        f"{source}: line {number} is no header: '{shown}' holds numbers; write the names of the columns "
+        f"above it, as in '{names}'"
     )
 
 
