@@ -136,7 +136,7 @@ def _check_scale(network: SlewNetwork, recording: Sequence[Trajectory]) -> None:
         factor, share = found
         raise InputError(
             f"10 s errors of pressures and speed are {share:.0%} of those as described with "
-            f"channel u times {factor:.3g}: wrong full scale of the joystick?"
+            f"channel u times {factor:.3g}: wrong full scale of the joystick, or another machine's recording?"
         )
 
 
