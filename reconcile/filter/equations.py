@@ -234,4 +234,5 @@ class Stepped(Assembly):
         for column, name in enumerate(("axis_v", "axis_q")):
             listed = ", ".join(str(a[column]) for a in self.axis_places) or "-1"
             header += f"static const int {name}[] = {{{listed}}};\n"
-        return generator.dump().replace("#include <math.h>", '#include "slw_math.h"'), header
+        both = '#include <math.h>\n#include "slw_math.h"'  # libm's for what ours has not
+        return generator.dump().replace("#include <math.h>", both), header
