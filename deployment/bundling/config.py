@@ -99,7 +99,7 @@ def geometry_c() -> str:
     generator = ca.CodeGenerator("geometry.c", codegen.CASADI_OPTIONS)
     generator.add(geometry())
     generator.add(guard.pose())
-    code = generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
+    code = codegen.with_our_mathematics(generator.dump())
     return code + (
         '\n#include "slr.h"\n'
         "void slr_geometry(const double *joints, const double *target, double *walls, double *distance,\n"

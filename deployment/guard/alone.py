@@ -89,5 +89,5 @@ def _geometry() -> str:
     """`geometry.c`, as far as the guard needs it."""
     generator = ca.CodeGenerator("geometry.c", codegen.CASADI_OPTIONS)
     generator.add(guard.pose())
-    code = generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
+    code = codegen.with_our_mathematics(generator.dump())
     return f'{code}\n#include "slr.h"\n{guard.POSE_C}'

@@ -119,7 +119,9 @@ def compile_library(model: Model, sources: Path, fmi_version: int, target: str) 
                 for name in (*description.SOURCES, f"fmi{fmi_version}.c")
             ]
             library = Path(scratch) / (model.name + compiler.target(target).suffix)
-            write_whole(cached, compiler.link_shared(objects, library, target).read_bytes())
+            libm = ["-lm"] if codegen.needs_libm((sources / "model.c").read_text()) else []
+            made = compiler.link_shared(objects, library, target, libraries=libm)
+            write_whole(cached, made.read_bytes())
     return cached.read_bytes()
 
 

@@ -11,6 +11,8 @@ from fmus.toolchain.variables import TIME_VR, exposed, model_token
 from specs.errors import InputError
 
 CASADI_OPTIONS = {"with_header": False, "with_export": False, "casadi_int": "long long"}
+# functions that slw_math.h has not: a model that calls them needs libm, whose last bits differ by platform
+OF_LIBM = re.compile(r"\b(pow|hypot|asin|acos|sinh|cosh|asinh|acosh|atanh|log1p|expm1|erf|fmod|copysign)\(")
 DENSE_PRODUCT = Path(__file__).with_name("dense_product.c")
 
 
@@ -19,10 +21,21 @@ def model_c(model: Model) -> str:
     generator = ca.CodeGenerator("model.c", CASADI_OPTIONS)
     for function in _functions(model):
         generator.add(function)
-    code = generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
+    code = with_our_mathematics(generator.dump())
     if model.symbolic == "MX":
         code = _with_room(_with_our_product(code), _functions(model))
     return code + "\n" + _tables(model)
+
+
+def with_our_mathematics(code: str) -> str:
+    """CasADi's code with our mathematics; libm's is declared too where ours is not enough."""
+    libm = "#include <math.h>\n" if needs_libm(code) else ""
+    return code.replace("#include <math.h>", f'{libm}#include "slw_math.h"')
+
+
+def needs_libm(code: str) -> bool:
+    """Whether C code calls what slw_math.h has not."""
+    return OF_LIBM.search(code) is not None
 
 
 def _with_our_product(code: str) -> str:

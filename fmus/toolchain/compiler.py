@@ -96,10 +96,12 @@ def compile_object(
     return out
 
 
-def link_shared(objects: Sequence[Path], out: Path, name: str, extra: Sequence[str] = ()) -> Path:
-    """Link object files into a shared library for target `name`."""
+def link_shared(
+    objects: Sequence[Path], out: Path, name: str, extra: Sequence[str] = (), libraries: Sequence[str] = ()
+) -> Path:
+    """Link object files into a shared library for target `name`; `libraries`: such as -lm."""
     strip = [] if name.endswith("darwin") else ["-s"]
-    _run([*command(name), "-shared", *strip, *extra, *map(str, objects), "-o", str(out)])
+    _run([*command(name), "-shared", *strip, *extra, *map(str, objects), *libraries, "-o", str(out)])
     return out
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from fmus.toolchain.codegen import CASADI_OPTIONS
+from fmus.toolchain.codegen import CASADI_OPTIONS, with_our_mathematics
 from reconcile.equations.assembly import Assembly
 from reconcile.equations.extended import Extended
 
@@ -234,5 +234,4 @@ class Stepped(Assembly):
         for column, name in enumerate(("axis_v", "axis_q")):
             listed = ", ".join(str(a[column]) for a in self.axis_places) or "-1"
             header += f"static const int {name}[] = {{{listed}}};\n"
-        both = '#include <math.h>\n#include "slw_math.h"'  # libm's for what ours has not
-        return generator.dump().replace("#include <math.h>", both), header
+        return with_our_mathematics(generator.dump()), header

@@ -20,7 +20,7 @@ from fmus.models.machine.dynamics import ANGLES
 from fmus.models.machine.model import MODEL
 from fmus.toolchain import compiler
 from fmus.toolchain.build import compile_generated, generate_sources
-from fmus.toolchain.codegen import CASADI_OPTIONS
+from fmus.toolchain.codegen import CASADI_OPTIONS, with_our_mathematics
 from specs.errors import RunError
 from specs.progress import Report
 
@@ -84,7 +84,7 @@ def _dense_functions(model: Model) -> str:
     generator = ca.CodeGenerator("dense_model.c", CASADI_OPTIONS)
     for name, function in (("dense_f", model.f), ("dense_jac", model.jacobian)):
         generator.add(ca.Function(name, list(model.symbols), [function(*model.symbols)]))
-    return generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
+    return with_our_mathematics(generator.dump())
 
 
 def _link(

@@ -20,7 +20,7 @@ from fmus.models.slew.model import MODEL
 from fmus.models.slew.traces import PERIOD, Trace
 from fmus.toolchain import compiler
 from fmus.toolchain.build import BUILD, SHIM
-from fmus.toolchain.codegen import CASADI_OPTIONS
+from fmus.toolchain.codegen import CASADI_OPTIONS, with_our_mathematics
 
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 DELAY = "slew_delay"
@@ -207,7 +207,7 @@ def _code(model: Model, fitted: Sequence[str]) -> tuple[str, str]:
         "SZ_IW": max(1, *(f.sz_iw() for f in functions)),
     }
     header = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
-    return generator.dump().replace("#include <math.h>", '#include "slw_math.h"'), header
+    return with_our_mathematics(generator.dump()), header
 
 
 def _library(model: Model, fitted: tuple[str, ...]) -> Path:

@@ -252,6 +252,39 @@ def test_step_needs_no_allocation_and_no_libm(tmp_path: Path) -> None:
         assert outside <= {"memcpy", "memset", "memcmp", "snprintf", "__snprintf_chk"}, (name, outside)
 
 
+CALLS_LIBM = """
+import casadi as ca
+
+from fmus.definition import Model, Variable
+
+MODEL = Model(
+    name="calls_libm",
+    description="Functions that slw_math.h has not",
+    kind="continuous",
+    step=0.01,
+    states=(Variable("x", "1", "State", start=4.0),),
+    inputs=(),
+    outputs=(Variable("y", "1", "Value"),),
+    parameters=(),
+    rhs=lambda x, u, m, p: {"x": 0.0 * x.x},
+    out=lambda x, u, m, p: {"y": ca.hypot(x.x, 3.0) * x.x**1.5 + ca.asin(0.1 * x.x)},
+)
+"""
+
+
+@pytest.mark.parametrize("zig", ["", "1"], ids=["cc", "ziglang"])
+def test_a_model_may_call_functions_that_our_mathematics_has_not(tmp_path: Path, monkeypatch, zig: str):
+    """Compilers of today refuse a function that is not declared; who loads a library may have no libm."""
+    monkeypatch.setenv(compiler.ALWAYS_ZIG, zig)
+    for cached in ("command", "identity"):
+        monkeypatch.setattr(compiler, cached, getattr(compiler, cached).__wrapped__)
+    folder = tmp_path / "calls_libm"
+    folder.mkdir()
+    (folder / "model.py").write_text(CALLS_LIBM, encoding="utf-8")
+    fmu = Imported(build_fmu(folder, 3, out=tmp_path / "out"))
+    assert fmu.get("y") == [pytest.approx(5.0 * 8.0 + np.arcsin(0.4), rel=1e-15)]
+
+
 def test_cache_compiles_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     model, host = load_model(OSCILLATOR), compiler.host().name
     generate_sources(model, tmp_path)
