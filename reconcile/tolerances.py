@@ -47,7 +47,5 @@ MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
 INPUT_GAIN = 10.0
 CLOCK_GAIN = 10.0  # nats a recording by which clocks of their own must be likelier than one offset for all
 WRONG = 0.1  # error ahead, in spreads, from which signs and units of channels are asked
-LOST = 0.5  # the same as WRONG, of a model whose inputs may be far too large or small
-HALVED = (
-    0.5  # of that error that is left at most where recordings are read otherwise, from which that is asked
-)
+LOST = 0.5  # the same, beyond which a model explains nothing, or its inputs are far too large or small
+HALVED = 0.5  # of that error, left at most where recordings are read otherwise: then that is asked

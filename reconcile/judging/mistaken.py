@@ -41,9 +41,10 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     least = min((error for error, _, _ in tried), default=np.inf)
     alike = [row for row in tried if row[0] <= (1.0 + SHORTENED) * least]
     error, _, found = min(alike, key=lambda row: row[1], default=(np.inf, 0.0, Reading()))
-    is_turned = error < HALVED * errs and not _undriven(core, error)
+    enough = min(HALVED * errs, LOST)  # what errs by as much as the outputs move explains nothing
+    is_turned = error < enough and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
-    explained = list(_explained(core, HALVED * (error if is_turned else errs)))
+    explained = list(_explained(core, HALVED * error if is_turned else enough))
     if explained:
         error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""

@@ -235,19 +235,20 @@ def test_what_settles_a_question_about_columns_is_said_in_the_recordings_words()
 
 @pytest.mark.parametrize(
     ("turned", "undriven", "said"),
-    [(0.3, 0.65, True), (0.4, 0.65, False), (0.3, 0.35, False)],
-    ids=["half of the error is left", "more is left", "without any input, too"],
+    [(0.3, 0.65, True), (0.4, 0.65, False), (0.3, 0.35, False), (0.6, 2.0, False)],
+    ids=["half of the error is left", "more is left", "without any input, too", "as large as the motion"],
 )
 def test_a_sign_is_asked_for_where_half_of_the_error_is_left(
     monkeypatch, turned: float, undriven: float, said: bool
 ):
     """Of readings that leave as little, the one whose parameters are nearer to the model's is asked for."""
     core: Any = SimpleNamespace(base=None, name="as they are")
-    errors = {"as they are": (0.65, 0.0), "u": (turned, 1.0), "y": (0.99 * turned, 9.0), "": (undriven, 0.0)}
+    least = 0.65 if turned < 0.5 else 2.0
+    errors = {"as they are": (least, 0.0), "u": (turned, 1.0), "y": (0.99 * turned, 9.0), "": (undriven, 0.0)}
     monkeypatch.setattr(mistaken, "inputs", lambda core: ["u"])
     monkeypatch.setattr(mistaken, "turned", lambda core: [multiplied(-1.0, n) for n in ("y", "u")])
     monkeypatch.setattr(mistaken, "_explained", lambda core, enough: [])
-    monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 0.7)
+    monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 2.5)
     monkeypatch.setattr(mistaken, "_by_itself", lambda core: errors[core.name])
 
     def read(core, reading):
