@@ -53,7 +53,6 @@ class Library:
         self._compiled: Callable[..., int] | None = None
         if tape.playable(stepped.functions, stepped.sizes):
             self._played = tape.Played(stepped.functions, stepped.sizes, stepped.axis_places)
-            self._operations = self._played.operations
         else:
             self._compile()
 
@@ -108,7 +107,7 @@ class Library:
     def _run(self, run: _Run) -> int:
         """Both ways compute the same bits."""
         if self._compiled is None:
-            self._left -= run.steps * run.substeps * self._operations
+            self._left -= run.steps * run.substeps * self._played.operations
             if self._left < 0:
                 self._compile()
         if self._compiled:

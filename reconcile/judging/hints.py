@@ -11,7 +11,7 @@ from reconcile.equations.model import Attached
 from reconcile.errors.ahead import beyond_noise, by_stretch
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
-from reconcile.search.alone import alone, fits
+from reconcile.search.alone import alone, fit
 from reconcile.search.core import Core
 from reconcile.search.screen import Screen
 from reconcile.tolerances import AT_FLOOR
@@ -23,18 +23,18 @@ ALIKE = 0.1  # of the least error, within which effects are hints alike
 
 def by_output_error(answer: Answer) -> str:
     """A sentence on single effects; "" where something is named, or nothing unexplained is left."""
-    core, plain = answer.core, next(iter(alone(answer.core)), None)
-    if answer.present or plain is None or beyond_noise(core, answer.point) <= AT_FLOOR:
+    core = answer.core
+    if answer.present or beyond_noise(core, answer.point) <= AT_FLOOR or not alone(core):
         return ""
+    plain = alone(core)[0]
     scores = Screen(core, plain, answer.beam.shapes).all(core.candidates, {})[:TRIED]
-    tried = [(s.attached, fits(core, [plain.values | s.values], (s.attached,))) for s in scores]
-    errs = {a: _error(core, points[0]) for a, points in tried if points}
+    tried = [(s.attached, fit(core, [plain.values | s.values], (s.attached,))) for s in scores]
+    errs = {a: _error(core, point) for a, point in tried if point}
     least, without = min(errs.values(), default=np.inf), _error(core, plain)
     if least > (1.0 - LESS) * without:
         return ""
     alike = sorted((a for a in errs if errs[a] < (1.0 + ALIKE) * least), key=_parameters)[:SHOWN]
-    *others, last = (f"{a.effect.name} ({a.port})" for a in alike)
-    names = " or ".join([*([", ".join(others)] if others else []), last])
+    names = words.listed([f"{a.effect.name} ({a.port})" for a in alike], "or")
     return (
         f"A hint: by itself, without any disturbance, the model errs by {words.percent(least)} instead of "
         f"{words.percent(without)} with {names}."

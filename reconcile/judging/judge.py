@@ -116,21 +116,21 @@ class Judge:
 
     def _by_stretch(self, key: Key) -> np.ndarray:
         if key not in self._stretches:
-            self._best[key] = point = self._least(key)
-            self._stretches[key] = by_stretch(self.core, point)
+            tried = [(by_stretch(self.core, p), p) for p in self._fitted(key)]
+            self._stretches[key], self._best[key] = min(tried, key=lambda row: above_noise(row[0]))
         return self._stretches[key]
 
     @cached_property
     def _plain(self) -> Point:
         return without_effects(self.core)
 
-    def _least(self, key: Key) -> Point:
-        """A set as fitted; or by its output error, where the model without effects errs less by that."""
-        if not key or self._plain is self.core.base:
-            return self.beam.points[key] if key else self._plain
+    def _fitted(self, key: Key) -> list[Point]:
+        """A set as fitted; by its output error too, where the model without effects errs less by that."""
+        if not key:
+            return [self._plain]
         point = self.beam.points[key]
-        found = [point, *fits(self.core, [point.values], point.present)]
-        return min(found, key=lambda p: ahead(self.core, p))
+        by_itself = self._plain is not self.core.base
+        return [point, *(fits(self.core, [point.values], point.present) if by_itself else [])]
 
     def decide(self) -> Judged:
         """The answer.

@@ -216,13 +216,9 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
         other = Core(core.folder, parts, (), core.share)
     except (InputError, np.linalg.LinAlgError):  # the model runs away
         return np.inf, np.inf, np.inf
-    error, whole, point = min(
-        (
-            (beyond_sensors(other, p), float(np.sqrt(squares(other, p)[0])), p)
-            for p in (other.base, *alone(other))
-        ),
-        key=lambda row: row[0],
-    )
+    every = ((beyond_sensors(other, p), p) for p in (other.base, *alone(other)))
+    error, point = min(every, key=lambda row: row[0])
+    whole = float(np.sqrt(squares(other, point)[0]))
     return error, whole, Fitter.prior(point.values, core.base_free)
 
 
@@ -255,6 +251,4 @@ def _boundless(core: Core, error: float, reading: Reading) -> bool:
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:
     gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
-    if words.percent(less) == words.percent(errs):
-        gains = "the recordings are far likelier"
     return asked(reading, core, gains, names)

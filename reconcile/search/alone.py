@@ -11,7 +11,7 @@ import numpy as np
 
 from reconcile.equations.model import Attached
 from reconcile.filter.kalman import NOISE, NOISES, SIGMA, WHITE, Values
-from reconcile.filter.point import Point
+from reconcile.filter.point import Free, Point
 from reconcile.search.core import Core
 
 STEPS = 25  # of a fit
@@ -27,24 +27,30 @@ def alone(core: Core) -> list[Point]:
 
 
 def fits(core: Core, starts: Sequence[Values], present: Sequence[Attached] = ()) -> list[Point]:
-    """The best of fits by the output error from `starts`, with effects that are `present`, as two points.
+    """The best fit from `starts` as two points: with its own noise, and with that of the first start.
 
-    One has what it leaves for noise of the outputs; the other has the noise of the first start.  Empty where
-    the model runs away.
+    Empty where the model runs away.
     """
+    best = fit(core, starts, present)
+    if best is None:
+        return []
+    noise = {n: v for n, v in starts[0].items() if n.startswith(NOISES)}
+    free = [*_motion(core, present), *core.noise_free]
+    as_noisy = core.fitter.fit(best.values | noise, present, free, 0, own=True)
+    return [best] if as_noisy is None else [best, as_noisy]
+
+
+def fit(core: Core, starts: Sequence[Values], present: Sequence[Attached] = ()) -> Point | None:
+    """The best of fits by the output error, with effects that are `present`; what it leaves is its noise."""
     loud = [f for f in core.noise_free if f.name.startswith(NOISE)]
-    motion = [f for f in (*core.base_free, *core.free_of(*present)) if not f.of_noise]
+    free = [*_motion(core, present), *loud]
     best: Point | None = None
     for start in starts:
         begun = start | _undisturbed(core) | _off(core, start)
         least = best.total if best else np.inf
-        found = core.fitter.fit(begun, present, [*motion, *loud], STEPS, every=2, hopeless=least, own=True)
+        found = core.fitter.fit(begun, present, free, STEPS, every=2, hopeless=least, own=True)
         best = found if found and found.total < least else best
-    if best is None:
-        return []
-    noise = {n: v for n, v in starts[0].items() if n.startswith(NOISES)}
-    as_noisy = core.fitter.fit(best.values | noise, present, [*motion, *core.noise_free], 0, own=True)
-    return [best] if as_noisy is None else [best, as_noisy]
+    return best
 
 
 def lasting(point: Point, outputs: int) -> float:
@@ -54,6 +60,11 @@ def lasting(point: Point, outputs: int) -> float:
     size = float(np.nanmean(left**2))
     alike = float(np.clip(np.nanmean(pairs) / size, 0.0, 0.99))
     return float(np.sqrt(max(size, 1.0) * (1.0 + alike) / (1.0 - alike)))
+
+
+def _motion(core: Core, present: Sequence[Attached]) -> list[Free]:
+    """What moves the equations."""
+    return [f for f in (*core.base_free, *core.free_of(*present)) if not f.of_noise]
 
 
 def _undisturbed(core: Core) -> Values:

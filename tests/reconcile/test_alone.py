@@ -82,6 +82,6 @@ def test_there_is_no_hint_where_something_is_named_or_nothing_left(rubbed: Core,
     monkeypatch.setattr(hints, "beyond_noise", lambda core, point: 1.0)
     assert hints.by_output_error(named) == ""
     monkeypatch.setattr(hints, "beyond_noise", lambda core, point: 9.0)
-    monkeypatch.setattr(hints, "fits", lambda *a: [by_itself.alone(rubbed)[0]])  # none helps
+    monkeypatch.setattr(hints, "fit", lambda *a: by_itself.alone(rubbed)[0])  # none helps
     named.beam = Beam(rubbed)
     assert hints.by_output_error(named) == ""
