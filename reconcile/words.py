@@ -65,16 +65,25 @@ def either(sets: Iterable[Iterable[tuple[str, str]]], what: str = "model") -> st
     rows, lacks = [sorted(one) for one in sets], f"The {what} lacks"
     common = set.intersection(*({name for name, _ in one} for one in rows))
     rest = [[pair for pair in one if pair[0] not in common] for one in rows]
-    sure, doubtful = listed(sorted(common)), ", or ".join(together(one) for one in rest if one)
+    sure, doubtful = listed(sorted(common)), ", or ".join(_apart([one for one in rest if one]))
     which = "the recordings do not tell which"
     if not common:
         return f"{lacks} {doubtful}: {which}."
     if not doubtful:  # the same effects in other places
-        places = [listed([f"{name} ({port})" for name, port in one]) for one in rows]
-        return f"{lacks} {', or '.join(places)}: {which}."
+        return f"{lacks} {', or '.join(map(_with_ports, rows))}: {which}."
     if not all(rest):
         return f"{lacks} {sure}, and perhaps {doubtful}."
     return f"{lacks} {sure}, and besides {doubtful}: {which}."
+
+
+def _apart(sets: list[list[tuple[str, str]]]) -> list[str]:
+    """Sets in words, those of the same names with their ports."""
+    texts = [together(one) for one in sets]
+    return [_with_ports(s) if texts.count(t) > 1 else t for s, t in zip(sets, texts, strict=True)]
+
+
+def _with_ports(effects: Iterable[tuple[str, str]]) -> str:
+    return listed([f"{name} ({port})" for name, port in effects])
 
 
 def together(effects: Iterable[tuple[str, str]]) -> str:

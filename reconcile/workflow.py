@@ -17,7 +17,6 @@ from reconcile.judging import (
     clocks as recorded_clocks,
     combined,
     correlated,
-    hints,
     inputs,
     mistaken,
     offsets,
@@ -26,6 +25,7 @@ from reconcile.judging import (
     verdict as verdicts,
 )
 from reconcile.judging.answer import Answer
+from reconcile.judging.by_itself import ByItself
 from reconcile.judging.judge import Judge
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, read_run, split
@@ -135,6 +135,8 @@ def examine(
         answer = _searched(folder, given, said, names, as_stated=as_stated)
     if not as_stated:
         _ask(mistaken.doubt(answer, names))
+    by_itself = ByItself(answer)
+    answer = by_itself.answer
     said("measuring the gap")
     figures = reports.build(answer, verdicts.judge(answer))
     if clocks:
@@ -143,8 +145,8 @@ def examine(
     figures |= told(answer, figures)
     doubts = [mistaken.turned_parameters, mistaken.far_parameters]
     doubts += [mistaken.bounded_parameters, mistaken.bounded_effects]
-    doubts += [offsets.short, offsets.everywhere, hints.by_output_error]
-    for more in (*(said_of(answer) for said_of in doubts), CUT * answer.beam.cut):
+    doubts += [offsets.short, offsets.everywhere]
+    for more in (*(said_of(answer) for said_of in doubts), by_itself.said, CUT * answer.beam.cut):
         figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)
     figures |= quantization.added(figures, steps, answer.core.model.name)

@@ -45,6 +45,8 @@ class Answer:
         That is the model as it came, where it errs less on what nothing was fitted to: a disturbance that is
         large has bent the parameters then.
         """
+        if self.judged.alone:
+            return self.beam.points[frozenset()]
         fitted, came = without_effects(self.core), self.core.nominal()
         if self.judged.answer:
             return fitted
@@ -84,6 +86,8 @@ class Answer:
     @property
     def _alone(self) -> bool:
         """Whether the answer was fitted by its output error."""
+        if self.judged.alone:
+            return True
         by_likelihood = (*self.beam.points.values(), self.core.base)
         return not any(self.point is p or self.point.values is p.values for p in by_likelihood)
 

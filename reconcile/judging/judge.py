@@ -46,7 +46,8 @@ class Judged:
 
     `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
     `posterior`: probability of every set, before those lose what does not earn its place in them.
-    `point`: the answer as it errs least ahead, by its likelihood or its output error.
+    `point`: the answer as it errs least ahead, by its likelihood or its output error.  `alone`: it is told by
+    the output error alone (by_itself.py).
     """
 
     answer: Key
@@ -59,6 +60,7 @@ class Judged:
     errors: Mapping[Key, float] = field(default_factory=dict)
     posterior: Mapping[Key, float] = field(default_factory=dict)
     point: Point | None = None
+    alone: bool = False
 
 
 class Weights:

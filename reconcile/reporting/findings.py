@@ -78,7 +78,8 @@ def above(rms: float, floor: Floor) -> float:
 def gather(answer: Answer) -> Findings:
     """Measure everything that is shown."""
     core = answer.core
-    points = dict(zip(STAGES, (core.nominal(), answer.base, answer.point), strict=True))
+    came = core.nominal(answer.base if answer.judged.alone else None)
+    points = dict(zip(STAGES, (came, answer.base, answer.point), strict=True))
     traces = {stage: holdout.predict(core, p) for stage, p in points.items()}
     return Findings(core, answer, traces, locate(core, core.shown), _floors(core))
 

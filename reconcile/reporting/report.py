@@ -121,7 +121,8 @@ def _curve(answer: Answer, a: Attached, gaps: dict[str, Any]) -> dict[str, Any]:
 
 
 def _gaps(found: Findings) -> dict[str, Any]:
-    units, horizon = _units(found), round(horizon_s(found.core), 6)
+    units, core = _units(found), found.core
+    horizon = round(core.sizes.duration_s if found.answer.judged.alone else horizon_s(core), 6)
     return {
         name: {
             "unit": units[name],

@@ -196,9 +196,9 @@ class Core:
         moved = {f.name: self.slow.values[f.name] for f in self.slow.free} if self.slow else {}
         return self.fresh | moved
 
-    def nominal(self) -> Point:
-        """The model as it came, with the noise that was found."""
-        values = self.base.values | {v.name: v.start for v in self.model.parameters}
+    def nominal(self, found: Point | None = None) -> Point:
+        """The model as it came, with the noise that was found: that of the base fit, or of another."""
+        values = (found or self.base).values | {v.name: v.start for v in self.model.parameters}
         return replace(self.base, values=values, present=())
 
     def known(self, point: Point) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""A model by itself: fitted by its output error; what it is a hint of where nothing is named."""
+"""A model by itself: fitted by its output error."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -8,13 +8,9 @@ import pytest
 
 from reconcile.errors.ahead import ahead
 from reconcile.filter.kalman import NOISE, SIGMA
-from reconcile.judging import hints
-from reconcile.judging.answer import Answer
-from reconcile.search import alone as by_itself
 from reconcile.search.alone import alone, fits, lasting
-from reconcile.search.beam import Beam
 from reconcile.search.core import Core
-from tests.reconcile.answers import cored, judged, recorded
+from tests.reconcile.answers import cored, recorded
 from tests.reconcile.truth import Truth
 
 FRICTION = "coulomb_friction@v"
@@ -63,25 +59,3 @@ def test_errors_grow_where_what_is_left_lasts(kept: float, grown: float):
     e[::7, 1] = np.nan
     point: Any = SimpleNamespace(e=e.ravel(), s=np.ones(e.size))
     assert lasting(point, 2) == pytest.approx(grown, rel=0.05)
-
-
-def test_where_nothing_is_named_the_effect_that_helps_most_is_a_hint(rubbed: Core):
-    beam = Beam(rubbed)
-    beam.points[frozenset()] = rubbed.base
-    answer = Answer(rubbed, beam, judged(beam, frozenset()))
-    said = hints.by_output_error(answer)
-    assert said.startswith("A hint: by itself, without any disturbance, the model errs by ")
-    assert said.endswith(" with coulomb_friction (v).")
-
-
-def test_there_is_no_hint_where_something_is_named_or_nothing_left(rubbed: Core, monkeypatch):
-    beam: Any = SimpleNamespace(points={})
-    named: Any = SimpleNamespace(core=rubbed, present=("an effect",), point=rubbed.base, beam=beam)
-    assert hints.by_output_error(named) == ""
-    named.present = ()
-    monkeypatch.setattr(hints, "beyond_noise", lambda core, point: 1.0)
-    assert hints.by_output_error(named) == ""
-    monkeypatch.setattr(hints, "beyond_noise", lambda core, point: 9.0)
-    monkeypatch.setattr(hints, "fit", lambda *a: by_itself.alone(rubbed)[0])  # none helps
-    named.beam = Beam(rubbed)
-    assert hints.by_output_error(named) == ""

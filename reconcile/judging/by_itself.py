@@ -1,0 +1,130 @@
+"""Where the likelihood names nothing: the effects with which the model by itself errs least.
+
+A large disturbance may do the work of an effect, and the likelihood then says nothing of it.  By its output
+error the model does.  What lasts is no noise: how probable such an answer is, no evidence says.
+"""
+
+from collections.abc import Sequence
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+
+from reconcile import words
+from reconcile.catalogue.kinds import kind
+from reconcile.equations.model import Attached
+from reconcile.errors.ahead import beyond_noise, by_stretch
+from reconcile.filter.kalman import Values
+from reconcile.filter.point import Point
+from reconcile.judging.answer import Answer
+from reconcile.judging.judge import Judged
+from reconcile.search.alone import alone, fit
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.search.screen import Scored, Screen
+from reconcile.search.sets import Key
+from reconcile.tolerances import ALONE, AT_FLOOR, EXPLAINED
+
+TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
+LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
+ALIKE = 0.1  # of the error without effects, within which effects explain as much
+PARTS = ("fit", "confirm")  # what is not held out
+
+
+class ByItself:
+    """Single effects, fitted by the output error; none where an answer names something or nothing is left."""
+
+    def __init__(self, given: Answer):
+        self.given, self.core = given, given.core
+        self.points: dict[Attached, Point] = {}
+        nothing_left = beyond_noise(self.core, given.point) <= AT_FLOOR
+        if not given.present and not nothing_left and alone(self.core):
+            self.points = self._fitted()
+
+    @cached_property
+    def answer(self) -> Answer:
+        """The answer as it was given, or with the effects that halve the error of the model by itself."""
+        enough = (1.0 - EXPLAINED) * self._without
+        alike = [a for a in self._alike if self._error(self.points[a]) < enough and self._in_each_part(a)]
+        simplest = min(map(_parameters, alike), default=0)
+        keys = [frozenset({a}) for a in alike if _parameters(a) == simplest][:DECLARED]
+        return self._with(keys) if keys else self.given
+
+    @property
+    def said(self) -> str:
+        """A sentence on it, or a hint; "" without."""
+        found = self.answer.present or tuple(self._alike[:SHOWN])
+        least = min((self._error(self.points[a]) for a in found if a in self.points), default=np.inf)
+        if least > (1.0 - LESS) * self._without:
+            return ""
+        errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
+        if self.answer.present:
+            return f"That rests on the model by itself, without any disturbance: {errs} then."
+        names = words.listed([f"{a.effect.name} ({a.port})" for a in found], "or")
+        return f"A hint: by itself, without any disturbance, {errs} with {names}."
+
+    def _fitted(self) -> dict[Attached, Point]:
+        core, plain = self.core, alone(self.core)[0]
+        scores = Screen(core, plain, self.given.beam.shapes).all(core.candidates, {})
+        tried = ((s.attached, fit(core, _starts(core, plain, s), (s.attached,))) for s in scores[:TRIED])
+        return {a: point for a, point in tried if point}
+
+    @cached_property
+    def _without(self) -> float:
+        return self._error(alone(self.core)[0])
+
+    @cached_property
+    def _alike(self) -> list[Attached]:
+        """Effects that explain as much as the best one, the simplest first, each in its simplest form."""
+        errs = {a: self._error(p) for a, p in self.points.items()}
+        most = min(errs.values()) + ALIKE * self._without if errs else 0.0
+        ranked = sorted((a for a in errs if errs[a] < most), key=lambda a: (_parameters(a), errs[a]))
+        return list({(a.effect.name, a.port): a for a in reversed(ranked)}.values())[::-1]
+
+    def _in_each_part(self, a: Attached) -> bool:
+        least = 1.0 - LESS
+        plain = alone(self.core)[0]
+        return all(self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS)
+
+    def _error(self, point: Point, parts: Sequence[str] = PARTS) -> float:
+        """Error ahead (rms), noise and all, in spreads of the outputs."""
+        rows = np.vstack([by_stretch(self.core, point, w) for w in parts])
+        squares, _, count = rows.sum(axis=0)
+        return float(np.sqrt(squares / max(count, 1.0)))
+
+    def _with(self, keys: Sequence[Key]) -> Answer:
+        """An answer among sets that are as likely; all of its points are fitted by the output error."""
+        beam: Beam = copy(self.given.beam)
+        beam.points = {frozenset(): alone(self.core)[0]} | {k: self.points[a] for k in keys for a in k}
+        chance, names, kinds = ALONE / len(keys), dict[str, float](), dict[str, float]()
+        for a in (a for k in keys for a in k):
+            names[a.effect.name] = names.get(a.effect.name, 0.0) + chance
+            kinds[kind(a.effect.name)] = kinds.get(kind(a.effect.name), 0.0) + chance
+        return Answer(
+            self.core,
+            beam,
+            Judged(
+                keys[0],
+                tuple(keys[1:]),
+                names,
+                kinds,
+                [((n,), p) for n, p in names.items()],
+                {a: self._gain(a) for a in keys[0]},
+                [r for r in self.given.judged.refused if r.effect not in names],
+                posterior=dict.fromkeys(keys, chance),
+                alone=True,
+            ),
+        )
+
+    def _gain(self, a: Attached) -> tuple[float, float]:
+        plain, point = alone(self.core)[0], self.points[a]
+        return 2.0 * (plain.loss - point.loss), 1.0 - self._error(point) / self._without
+
+
+def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:
+    """As the scores ask for it, and from the model as it came: a large effect bends the other parameters."""
+    return [plain.values | scored.values, core.fresh | scored.own]
+
+
+def _parameters(a: Attached) -> int:
+    return len(a.effect.parameters)

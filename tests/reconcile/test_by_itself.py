@@ -1,0 +1,111 @@
+"""Where the likelihood names nothing: effects that the model by itself asks for."""
+
+import numpy as np
+import pytest
+
+from reconcile import words
+from reconcile.filter.point import Point
+from reconcile.judging import by_itself
+from reconcile.judging.answer import Answer
+from reconcile.judging.by_itself import ByItself
+from reconcile.judging.verdict import judge
+from reconcile.reporting.findings import gather
+from reconcile.search.alone import alone
+from reconcile.search.beam import Beam
+from reconcile.search.core import Core
+from reconcile.tolerances import ALONE
+from tests.reconcile.answers import cored, judged, recorded
+from tests.reconcile.truth import Truth
+
+FRICTION = "coulomb_friction@v"
+
+
+@pytest.fixture(scope="module")
+def unnamed() -> Answer:
+    """The rig with dry friction of 1.2 N that its model has not; nothing is named."""
+    truth = Truth(static=(1.2, 1.2), kinetic=lambda v: 1.2 * np.sign(v))
+    core = cored(recorded(truth, seconds=12.0), FRICTION, "stiffness@v", "constant_load@v")
+    return answering(core, frozenset())
+
+
+def answering(core: Core, key: frozenset) -> Answer:
+    """An answer, whatever the recordings say."""
+    beam = Beam(core)
+    beam.points = {frozenset(): core.base, key: core.base}
+    return Answer(core, beam, judged(beam, key))
+
+
+def unchanged(given: Answer) -> bool:
+    """Whether an answer stays what it is, and nothing is said of it."""
+    found = ByItself(given)
+    return found.answer is given and not found.said
+
+
+def test_the_effect_that_halves_the_error_of_the_model_by_itself_is_the_answer(unnamed: Answer):
+    found = ByItself(unnamed)
+    (friction,) = found.answer.present
+    assert friction.key == FRICTION
+    assert found.answer.judged.probability == {"coulomb_friction": ALONE}
+    assert found.answer.judged.kinds == {"friction": ALONE}
+    assert found.answer.point.values[friction.name("Fc")] == pytest.approx(1.2, rel=0.05)
+    low, high = found.answer.interval(friction.name("Fc"))
+    assert low < 1.2 < high
+    assert judge(found.answer).name == "named"
+    assert found.said.startswith("That rests on the model by itself, without any disturbance: it errs by ")
+
+
+def test_its_gap_is_that_of_the_model_by_itself(unnamed: Answer):
+    answer = ByItself(unnamed).answer
+    assert answer.base is alone(unnamed.core)[0]
+    gaps = gather(answer)
+    assert gaps.gap("after", "position") < 0.3 * gaps.gap("reestimated", "position")
+    assert gaps.gap("reestimated", "position") <= 1.01 * gaps.gap("nominal", "position")
+
+
+def test_effects_that_explain_as_much_share_its_probability(unnamed: Answer, monkeypatch):
+    monkeypatch.setattr(by_itself, "ALIKE", 10.0)
+    monkeypatch.setattr(by_itself, "EXPLAINED", -10.0)
+    monkeypatch.setattr(by_itself, "LESS", -10.0)
+    answer = ByItself(unnamed).answer
+    own = answer.judged.probability
+    assert set(own) == {"coulomb_friction", "stiffness", "constant_load"}
+    assert sum(own.values()) == pytest.approx(ALONE)
+    assert [a.key for a in answer.present] == [FRICTION]
+    assert judge(answer).name == "ambiguous"
+    assert all(answer.beam.points[k].present for k in answer.alternatives)
+
+
+def test_what_explains_less_is_a_hint(unnamed: Answer, monkeypatch):
+    monkeypatch.setattr(by_itself, "EXPLAINED", 1.0)
+    found = ByItself(unnamed)
+    assert found.answer is unnamed
+    assert found.said.startswith("A hint: by itself, without any disturbance, it errs by ")
+    assert found.said.endswith(" with coulomb_friction (v).")
+
+
+def test_an_effect_has_to_show_in_each_part(unnamed: Answer, monkeypatch):
+    plain, error = alone(unnamed.core)[0], ByItself._error
+
+    def partly(self: ByItself, point: Point, parts=by_itself.PARTS) -> float:
+        return error(self, plain if parts == ["confirm"] else point, parts)
+
+    monkeypatch.setattr(ByItself, "_error", partly)
+    assert ByItself(unnamed).answer is unnamed
+
+
+def test_nothing_is_asked_where_something_is_named_or_nothing_left(unnamed: Answer, monkeypatch):
+    (friction,) = (a for a in unnamed.core.candidates if a.key == FRICTION)
+    named = answering(unnamed.core, frozenset({friction}))
+    named.beam.points[frozenset({friction})] = ByItself(unnamed).points[friction]
+    assert unchanged(named)
+    monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: 1.0)
+    assert unchanged(unnamed)
+    monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: 9.0)
+    monkeypatch.setattr(by_itself, "fit", lambda *a: alone(unnamed.core)[0])  # none helps
+    assert unchanged(unnamed)
+
+
+def test_one_effect_in_two_places_is_said_with_its_places():
+    sets = [[("viscous_friction", "a")], [("viscous_friction", "b")], [("stiffness", "a")]]
+    lacks = "The model lacks viscous_friction (a), or viscous_friction (b), or stiffness"
+    assert words.either(sets) == f"{lacks}: the recordings do not tell which."
