@@ -216,10 +216,18 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
         other = Core(core.folder, parts, (), core.share)
     except (InputError, np.linalg.LinAlgError):  # the model runs away
         return np.inf, np.inf, np.inf
-    every = ((beyond_sensors(other, p), p) for p in (other.base, *alone(other)))
-    error, point = min(every, key=lambda row: row[0])
+    most = _disturbance(core, core.base)  # a reading that is right leaves no more to it
+    every = [p for p in (other.base, *alone(other)) if _disturbance(other, p) <= most]
+    error, point = min(
+        ((beyond_sensors(other, p), p) for p in every), default=(np.inf, other.base), key=lambda r: r[0]
+    )
     whole = float(np.sqrt(squares(other, point)[0]))
     return error, whole, Fitter.prior(point.values, core.base_free)
+
+
+def _disturbance(core: Core, point: Point) -> float:
+    """Share of the forces at some place that a disturbance takes over at most."""
+    return max(core.disturbances(point.values).values(), default=0.0)
 
 
 def _undriven(core: Core, error: float) -> bool:
