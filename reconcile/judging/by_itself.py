@@ -26,26 +26,27 @@ from reconcile.search.sets import Key
 from reconcile.tolerances import ALONE, AT_FLOOR, EXPLAINED
 
 TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
+MOST = 2  # parameters of an effect that is told so: with more of them, one imitates others
 LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
 ALIKE = 0.1  # of the error without effects, within which effects explain as much
 PARTS = ("fit", "confirm")  # what is not held out
 
 
 class ByItself:
-    """Single effects, fitted by the output error; none where an answer names something or nothing is left."""
+    """Single effects, fitted by the output error; none where something is named, or nothing errs."""
 
     def __init__(self, given: Answer):
         self.given, self.core = given, given.core
         self.points: dict[Attached, Point] = {}
-        nothing_left = beyond_noise(self.core, given.point) <= AT_FLOOR
-        if not given.present and not nothing_left and alone(self.core):
+        if not given.present and alone(self.core) and (self._errs or self._left):
             self.points = self._fitted()
 
     @cached_property
     def answer(self) -> Answer:
         """The answer as it was given, or with the effects that halve the error of the model by itself."""
         enough = (1.0 - EXPLAINED) * self._without
-        alike = [a for a in self._alike if self._error(self.points[a]) < enough and self._in_each_part(a)]
+        simple = [a for a in self._alike if _parameters(a) <= MOST]
+        alike = [a for a in simple if self._error(self.points[a]) < enough and self._in_each_part(a)]
         simplest = min(map(_parameters, alike), default=0)
         keys = [frozenset({a}) for a in alike if _parameters(a) == simplest][:DECLARED]
         return self._with(keys) if keys else self.given
@@ -53,15 +54,30 @@ class ByItself:
     @property
     def said(self) -> str:
         """A sentence on it, or a hint; "" without."""
-        found = self.answer.present or tuple(self._alike[:SHOWN])
-        least = min((self._error(self.points[a]) for a in found if a in self.points), default=np.inf)
-        if least > (1.0 - LESS) * self._without:
+        if not self.points:
             return ""
+        found = self.answer.present or tuple(self._alike[:SHOWN])
+        least = min(self._error(self.points[a]) for a in found)
+        if least > (1.0 - LESS) * self._without:
+            whole = (
+                f"By itself, from the beginning of a recording on, it errs by {words.percent(self._without)}"
+            )
+            return "" if self._left else f"{whole} of the outputs' motion."
         errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
         if self.answer.present:
             return f"That rests on the model by itself, without any disturbance: {errs} then."
         names = words.listed([f"{a.effect.name} ({a.port})" for a in found], "or")
         return f"A hint: by itself, without any disturbance, {errs} with {names}."
+
+    @property
+    def _left(self) -> bool:
+        """Whether more than noise is left of the answer that was given."""
+        return beyond_noise(self.core, self.given.point) > AT_FLOOR
+
+    @property
+    def _errs(self) -> bool:
+        """Whether the model by itself errs by more than noise: within a filter's short sight it may not."""
+        return beyond_noise(self.core, alone(self.core)[0]) > AT_FLOOR
 
     def _fitted(self) -> dict[Attached, Point]:
         core, plain = self.core, alone(self.core)[0]
@@ -110,7 +126,7 @@ class ByItself:
                 kinds,
                 [((n,), p) for n, p in names.items()],
                 {a: self._gain(a) for a in keys[0]},
-                [r for r in self.given.judged.refused if r.effect not in names],
+                (),
                 posterior=dict.fromkeys(keys, chance),
                 alone=True,
             ),

@@ -99,6 +99,9 @@ def examine(model: Model | Any, runs: Sequence[Run]) -> list[Quantization]:
     return found
 
 
+UNTOLD = ("insufficient_excitation", "unexplained")  # verdicts beside which steps are no answer
+
+
 def named(found: Iterable[Quantization]) -> list[Quantization]:
     """Those that are an effect."""
     return [q for q in found if q.verdict == "named"]
@@ -108,12 +111,12 @@ def added(figures: Mapping[str, Any], found: Sequence[Quantization], subsystem: 
     """What changes in a report's figures by the steps that were found.
 
     They are certain whatever else explains the motion: every declared set has them, and they are named where
-    nothing else is; the sentence then says whether something is left, as it does of every effect.  Where the
-    recordings hardly move, an answer about the sensor is none about the model: the steps are listed only.
+    nothing else is.  Where the recordings hardly move, or nothing explains what they show, an answer about
+    the sensor is none about the model: the steps are listed only.
     """
     listed = {"quantization": [q.figures() for q in found]} if found else {}
     steps = named(found)
-    if not steps or figures["verdict"] == "insufficient_excitation":
+    if not steps or figures["verdict"] in UNTOLD:
         return listed
     sets = figures["alternatives"] or [[]]
     verdict = "ambiguous" if figures["verdict"] == "ambiguous" else "named"
@@ -141,8 +144,7 @@ def _sentence(figures: Mapping[str, Any], steps: Sequence[Quantization]) -> str:
     before, shown = figures["sentence"], "; ".join(q.sentence for q in steps)
     if figures["effects"]:
         return f"{before} The sensors' steps show ({NAME}): {shown}."
-    rest = "; something unexplained remains" if figures["residual_status"] == "unexplained" else ""
-    return f"The model lacks {NAME}{rest}. {shown}. Apart from the steps: {before}"
+    return f"The model lacks {NAME}. {shown}. Apart from the steps: {before}"
 
 
 def _verdict(step: float, specified: float | None, noise: float, moved: float) -> str:

@@ -79,10 +79,12 @@ def judge(answer: Answer) -> Verdict:
     other = curves(answer.judged.posterior, answer.judged.answer)
     more = f" A curve that no effect has is as probable as {other:.2f}." if other > 1.0 - SURE else ""
     if answer.alternatives:
-        sets = (answer.present, *answer.alternatives)
-        return Verdict("ambiguous", words.either(map(_pairs, sets)) + more, left)
+        sets, rest = (answer.present, *answer.alternatives), left != "at_floor"
+        text = words.either(map(_pairs, sets)) + rest * " Something unexplained remains."
+        return Verdict("ambiguous", text + more, left)
     rest = "" if left == "at_floor" else "; something unexplained remains"
-    return Verdict("named", f"The model lacks {words.together(_pairs(answer.present))}{rest}.{more}", left)
+    text = f"The model lacks {words.together(_pairs(answer.present))}{rest}.{more}"
+    return Verdict("named", text + _turned_down(answer, " Turned down beside it"), left)
 
 
 def _curved(answer: Answer) -> Verdict:
@@ -124,16 +126,16 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
     return "agrees", f"Model and recordings agree within {within}."
 
 
-def _turned_down(answer: Answer) -> str:
+def _turned_down(answer: Answer, how: str = " Likeliest, but turned down") -> str:
     """The likeliest effects that are not named all the same, and why."""
     reasons = {
         freeform.SAID.get(r.effect, r.effect).format(port=r.port): r.because for r in answer.judged.refused
     }
     last = list(reasons)[-MOST_TURNED_DOWN:]
     if len(last) > 1 and len({reasons[n] for n in last}) == 1:
-        return f" Likeliest, but turned down: {words.listed(last)} (each: {reasons[last[0]]})."
+        return f"{how}: {words.listed(last)} (each: {reasons[last[0]]})."
     said = [f"{name} ({reasons[name]})" for name in last]
-    return f" Likeliest, but turned down: {words.listed(said)}." if said else ""
+    return f"{how}: {words.listed(said)}." if said else ""
 
 
 def _alone(core: Core, names: Iterable[str]) -> list[str]:

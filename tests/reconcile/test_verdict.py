@@ -119,7 +119,7 @@ def test_an_interval_holds_the_values_of_other_sets_that_may_be_true(monkeypatch
     beam: Any = SimpleNamespace(core=core, points={1: own, 2: other, 3: without})
 
     def interval(name: str, posterior: dict[int, float]):
-        judged: Any = SimpleNamespace(answer=1, posterior=posterior, point=None)
+        judged: Any = SimpleNamespace(answer=1, posterior=posterior, point=None, alone=False)
         return answers.Answer(beam.core, beam, judged).interval(name)
 
     either = {1: 0.3, 2: 0.3, 3: 0.4}
