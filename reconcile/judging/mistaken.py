@@ -26,6 +26,7 @@ from reconcile.tolerances import HALVED, LOST, MOVED, SHORTENED, WORTH, WRONG
 from specs.errors import InputError
 
 FAR = 10.0  # times a parameter, or a tenth of it: no value that somebody was unsure of
+NOTHING = 5e-4  # error beside the sensors' noise, that reads as 0.0 %
 STEPS = 15  # of a fit: one that is right gets there soon
 
 
@@ -258,5 +259,6 @@ def _boundless(core: Core, error: float, reading: Reading) -> bool:
 
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:
-    gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
+    left = f"{words.percent(less)} of the outputs' motion" if less > NOTHING else "no more than the noise"
+    gains = f"the model errs by {left} instead of {words.percent(errs)}"
     return asked(reading, core, gains, names)

@@ -10,7 +10,7 @@ from reconcile import words
 from reconcile.catalogue import freeform
 from reconcile.catalogue.kinds import kind as kind_of
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, beyond_noise
+from reconcile.errors.ahead import ahead, beyond_noise, horizon_s
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import curves
@@ -123,7 +123,7 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
     if moved := moved_parameters(answer):
         return "reestimated", f"The model fits with other values of {', '.join(moved)}."
     within = f"{beyond:.1f} times the noise" if beyond > 1.0 else "the noise"
-    return "agrees", f"Model and recordings agree within {within}."
+    return "agrees", f"Model and recordings agree within {within}, {horizon_s(core):.3g} s ahead."
 
 
 def _turned_down(answer: Answer, how: str = " Likeliest, but turned down") -> str:

@@ -159,7 +159,7 @@ def curve(number: int, row: Mapping[str, Any]) -> Figure:
 
 def probabilities(rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, float]) -> Figure:
     """Probability of every set that was fitted, and of the kinds."""
-    shown = [(", ".join(r["effects"]) or "nothing is missing", r["probability"], "set") for r in rows]
+    shown = [(", ".join(r["effects"]) or "no effect", r["probability"], "set") for r in rows]
     shown += [(f"kind: {k}", p, "kind") for k, p in kinds.items()]
     shown = [(n[:70], p, what) for n, p, what in shown if p >= 0.01][::-1]
     bar = {

@@ -36,11 +36,17 @@ def named(figures: Figures) -> str:
     return f"<h2 class='stay'>What the model lacks</h2>{''.join(_effect(e) for e in figures['effects'])}"
 
 
+def _closing(share: float) -> str:
+    if share < 0.0:
+        return f"the gap that is open without it grows by {percent(-share)}"
+    return f"{percent(share)} of the gap that is open without it closes"
+
+
 def _effect(e: Figures) -> str:
     doubt = " doubtful" if e["verdict"] == "ambiguous" else ""
     gain = (
         f"Fit: twice the log-likelihood gains {number(e['gain_fit'], 3)}. "
-        f"Confirm: {percent(e['gain_confirm'])} of the gap that is open without it closes."
+        f"Confirm: {_closing(e['gain_confirm'])}."
         if e["gain_fit"] is not None
         else f"Seen in the recorded values, not fitted: {escape(e.get('sentence', ''))}."
     )
