@@ -78,13 +78,13 @@ class Answer:
     def errors(self) -> Mapping[str, float]:
         """Standard errors of what was fitted, as if no other set were possible."""
         own = standard_errors(self.point)
-        if not self._alone:
+        if not self.by_itself:
             return own
         more = lasting(self.point, len(self.core.outputs))
         return {n: e * more for n, e in own.items()}
 
     @property
-    def _alone(self) -> bool:
+    def by_itself(self) -> bool:
         """Whether the answer was fitted by its output error."""
         if self.judged.alone:
             return True
@@ -99,7 +99,7 @@ class Answer:
         own, error = self.point.values[name], self.errors[name]
         low, high = own - Z95 * error, own + Z95 * error
         rows = [(p, v[name], max(e[name], TINY * abs(v[name]))) for p, v, e in self._likely if name in e]
-        if self._alone or not rows:
+        if self.by_itself or not rows:
             return low, high
         weights, values, errors = np.array(rows).T
         reach = np.min(values - FAR * errors), np.max(values + FAR * errors)

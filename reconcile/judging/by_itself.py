@@ -134,7 +134,8 @@ class ByItself:
 
     def _gain(self, a: Attached) -> tuple[float, float]:
         plain, point = alone(self.core)[0], self.points[a]
-        return 2.0 * (plain.loss - point.loss), 1.0 - self._error(point) / self._without
+        left = self._error(point, ["confirm"]) / self._error(plain, ["confirm"])
+        return 2.0 * (plain.loss - point.loss), 1.0 - left
 
 
 def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:

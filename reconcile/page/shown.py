@@ -12,6 +12,7 @@ from reconcile.errors import regimes
 from reconcile.errors.localise import Located
 from reconcile.errors.regimes import Regime
 from reconcile.errors.residual import missing_forces, residuals
+from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Point
 from reconcile.reporting.findings import STAGES, Findings
 from reconcile.search.core import Core
@@ -93,8 +94,17 @@ def shown(found: Findings) -> Shown:
     """What to draw of what was found: the windows that tell most first."""
     order = sorted(range(_count(found)), key=lambda k: -_telling(found, k))
     located = [x for x in found.located if x.accounts][:RESIDUALS]
-    forces = missing(found.core, found.core.shown, found.answer.point)
+    forces = missing(found.core, found.core.shown, _disturbed(found))
     return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located), forces)
+
+
+def _disturbed(found: Findings) -> Point:
+    """The answer with a disturbance: without any, as the model by itself is fitted, no force is left over."""
+    point = found.answer.point
+    if not found.answer.by_itself:
+        return point
+    noise = {n: v for n, v in found.core.base.values.items() if n.startswith(NOISES)}
+    return replace(point, values=point.values | noise)
 
 
 def missing(core: Core, base: Point, point: Point) -> list[Missing]:
