@@ -7,7 +7,7 @@ import numpy as np
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.search import ClosedAnswer
 from reconcile.closed.starts import within
-from reconcile.page.shown import Course, Shown, Stretch
+from reconcile.page.drawn import Course, Shown, Stretch
 from reconcile.recordings.data import Block
 from records.scores import scores
 

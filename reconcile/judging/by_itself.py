@@ -23,10 +23,11 @@ from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.screen import Scored, Screen
 from reconcile.search.sets import Key
-from reconcile.tolerances import ALONE, AT_FLOOR, EXPLAINED
+from reconcile.tolerances import ALONE, AT_FLOOR
 
 TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
 MOST = 2  # parameters of an effect that is told so: with more of them, one imitates others
+TOLD = 2.0 / 3.0  # of the error, that an answer takes away: real recordings err by more than one thing
 LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
 ALIKE = 0.1  # of the error without effects, within which effects explain as much
 PARTS = ("fit", "confirm")  # what is not held out
@@ -43,8 +44,13 @@ class ByItself:
 
     @cached_property
     def answer(self) -> Answer:
-        """The answer as it was given, or with the effects that halve the error of the model by itself."""
-        enough = (1.0 - EXPLAINED) * self._without
+        """The answer as it was given, or with effects that take most of the error of the model by itself.
+
+        What the likelihood has all but told, a kind or that noise alone is left, is its own answer.
+        """
+        if not self._left or self.given.judged.sure_kind:
+            return self.given
+        enough = (1.0 - TOLD) * self._without
         simple = [a for a in self._alike if _parameters(a) <= MOST]
         alike = [a for a in simple if self._error(self.points[a]) < enough and self._in_each_part(a)]
         simplest = min(map(_parameters, alike), default=0)

@@ -62,6 +62,12 @@ class Judged:
     point: Point | None = None
     alone: bool = False
 
+    @property
+    def sure_kind(self) -> str | None:
+        """A kind that is sure, and of which an effect may be meant, however little its effects are told."""
+        none = {kind(r.effect) for r in self.refused if r.denied}
+        return next((k for k, p in self.kinds.items() if p >= SURE and k not in none), None)
+
 
 class Weights:
     """Probabilities of sets, summed: by names, by effect, by kind."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from reconcile import words
 from reconcile.catalogue import freeform
-from reconcile.catalogue.kinds import kind as kind_of
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import ahead, beyond_noise, horizon_s
 from reconcile.judging.answer import Answer
@@ -147,8 +146,7 @@ def _alone(core: Core, names: Iterable[str]) -> list[str]:
 def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
     errs = words.percent(ahead(answer.core, answer.point))
-    none = {kind_of(r.effect) for r in answer.judged.refused if r.denied}
-    sure = next((k for k, p in answer.judged.kinds.items() if p >= SURE and k not in none), None)
+    sure = answer.judged.sure_kind
     sizes = answer.core.disturbances(answer.beam.points[frozenset()].values)
     worst = max(sizes, key=lambda p: sizes[p])
     size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"

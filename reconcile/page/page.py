@@ -8,7 +8,8 @@ from typing import Any
 
 from reconcile.judging.answer import Answer
 from reconcile.page import plots, sections
-from reconcile.page.shown import Shown, missing, shown
+from reconcile.page.drawn import Shown
+from reconcile.page.shown import missing, shown
 from reconcile.reporting.findings import gather
 from reconcile.search.core import Core
 from reconcile.words import number, percent
@@ -28,13 +29,14 @@ def write_for(path: Path, answers: Sequence[Answer], figures: Mapping[str, Any],
     """Write the page of an answer, or of the answers of a system's parts; `figures`: the report as JSON."""
     each = [shown(gather(answer)) for answer in answers]
     stretches = [s for one in each for s in one.stretches[: max(1, MOST // len(each))]]
-    gathered, missing = ([x for one in each for x in getattr(one, n)] for n in ("gathered", "missing"))
-    return write_page(path, figures, Shown(stretches, gathered, missing), title)
+    rest = ([x for one in each for x in getattr(one, n)] for n in ("whole", "gathered", "missing"))
+    return write_page(path, figures, Shown(stretches, *rest), title)
 
 
 def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str) -> Path:
     """Write the page; `title`: the model's name.  The same content gives the same bytes."""
-    overlays = [plots.overlay(i, s) for i, s in enumerate(shown.stretches)]
+    overlays = [plots.whole(i, s) for i, s in enumerate(shown.whole)]
+    overlays += [plots.overlay(i, s) for i, s in enumerate(shown.stretches)]
     gap = plots.gaps(figures["gap"])
     pairs = [(plots.gathered(i, g), plots.accounts(i, g)) for i, g in enumerate(shown.gathered)]
     forces = [f for i, m in enumerate(shown.missing) for f in plots.missing(i, m)]

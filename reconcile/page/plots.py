@@ -1,11 +1,12 @@
 """Figures: before and after on the held-out part, gaps by signal, residuals by what they go with."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from reconcile.page.shown import Course, Gathered, Missing, Stretch
+from reconcile.page.drawn import Course, Gathered, Missing, Stretch
 from reconcile.words import percent, with_unit, written
 from records.report.figures import Figure, axis, numbers
 
@@ -21,6 +22,15 @@ PANEL, GAP = 132, 22  # px
 BINS = 24
 OVER = {"u": "command", "v": "speed", "q": "position", "t": "time"}  # what a curve is over
 LEAST = 0.05  # of the floor: what is drawn for a gap of nothing
+
+
+def whole(number: int, stretch: Stretch) -> Figure:
+    """The same of a whole recording, of which the model was fitted to a part."""
+    caption = (
+        "The model by itself, fitted by its output error: it runs from beginning to end on the inputs "
+        "alone. The answer was fitted to most of this. Errors are measured minus model."
+    )
+    return replace(overlay(number, stretch), name=f"whole-{number}", caption=caption)
 
 
 def overlay(number: int, stretch: Stretch) -> Figure:

@@ -1,10 +1,7 @@
-"""What the page draws beside the figures of the report: held-out stretches, and residuals.
+"""What the page draws beside the figures of the report: held-out stretches, missing forces and residuals."""
 
-Plain arrays, so that a closed FMU's answer can be drawn like a model folder's.
-"""
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +11,8 @@ from reconcile.errors.regimes import Regime
 from reconcile.errors.residual import missing_forces, residuals
 from reconcile.filter.kalman import NOISES
 from reconcile.filter.point import Point
+from reconcile.page.drawn import Course, Gathered, Missing, Shown, Stretch
+from reconcile.page.whole import inputs, whole
 from reconcile.reporting.findings import STAGES, Findings
 from reconcile.search.core import Core
 
@@ -22,80 +21,13 @@ RESIDUALS = 3
 MISSING = 2  # places
 
 
-@dataclass(frozen=True)
-class Course:
-    """A signal over time [n]: measured, and predicted by stage."""
-
-    name: str
-    unit: str
-    floor: float
-    time: np.ndarray
-    measured: np.ndarray
-    predicted: Mapping[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A held-out window: predictions run freely from `scored_s` on, after the initial state is estimated."""
-
-    run: str
-    start_s: float
-    end_s: float
-    scored_s: float
-    outputs: Sequence[Course]
-    inputs: Sequence[Course]
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """A residual [N] against what it goes with [N], before and (where it is known) after; a regime's bounds.
-
-    `accounts`: the share that every regressor accounts for, by label; `goes`: whether it goes with one.
-    """
-
-    name: str
-    unit: str
-    against: str
-    against_unit: str
-    before: tuple[np.ndarray, np.ndarray]
-    after: tuple[np.ndarray, np.ndarray] | None
-    bounds: Sequence[tuple[float, float]]
-    regime: str
-    accounts: Mapping[str, float]
-    goes: bool
-
-
-@dataclass(frozen=True)
-class Missing:
-    """The missing force at a place over time [N], before and after, and what the named effects do there.
-
-    `against`: (label, unit, values [N]) of what it is drawn over; `band` [N]: two standard deviations.
-    """
-
-    name: str
-    unit: str
-    against: Sequence[tuple[str, str, np.ndarray]]
-    before: np.ndarray
-    band: np.ndarray
-    after: np.ndarray | None
-    effect: np.ndarray | None
-
-
-@dataclass(frozen=True)
-class Shown:
-    """Everything that is drawn."""
-
-    stretches: Sequence[Stretch] = field(default=())
-    gathered: Sequence[Gathered] = field(default=())
-    missing: Sequence[Missing] = field(default=())
-
-
 def shown(found: Findings) -> Shown:
     """What to draw of what was found: the windows that tell most first."""
     order = sorted(range(_count(found)), key=lambda k: -_telling(found, k))
     located = [x for x in found.located if x.accounts][:RESIDUALS]
     forces = missing(found.core, found.core.shown, _disturbed(found))
-    return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located), forces)
+    stretches = [_stretch(found, k) for k in order[:WINDOWS]]
+    return Shown(stretches, whole(found), _gathered(found, located), forces)
 
 
 def _disturbed(found: Findings) -> Point:
@@ -196,26 +128,20 @@ def _squares(found: Findings, traces, k: int) -> float:
 def _stretch(found: Findings, k: int) -> Stretch:
     known = {s: t for s in STAGES if (t := found.traces[s]) is not None}
     one = next(iter(known.values()))[k]
-    units = {v.name: v.unit for v in (*found.core.model.outputs, *found.core.model.inputs)}
+    units = {v.name: v.unit for v in found.core.model.outputs}
     outputs, window = [], one.window
     for n in found.outputs:
         # with a sensor's delay fitted, the stretch has later samples
         predicted = {s: p for s, t in known.items() if (p := t[k].at(n, window.recorded[n])) is not None}
         level = found.floors[n].level
         outputs.append(Course(n, units[n], level, window.recorded[n], window.samples[n], predicted))
-    inputs = []
-    for n in found.core.folder.ports.controls:
-        signal = window.run.inputs.get(n)
-        if signal is not None:
-            inside = (signal.time >= window.start_s) & (signal.time <= window.end_s)
-            inputs.append(Course(n, units[n], 0.0, signal.time[inside], signal.values[inside], {}))
     return Stretch(
         window.run.name,
         window.start_s,
         window.end_s,
         window.start_s,
         _first(found, outputs, k),
-        inputs,
+        inputs(found.core, window.run, window.start_s, window.end_s),
     )
 
 

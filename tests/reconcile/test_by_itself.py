@@ -1,5 +1,7 @@
 """Where the likelihood names nothing: effects that the model by itself asks for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,7 @@ def unchanged(given: Answer) -> bool:
     return found.answer is given and not found.said
 
 
-def test_the_effect_that_halves_the_error_of_the_model_by_itself_is_the_answer(unnamed: Answer):
+def test_the_effect_that_takes_most_of_the_error_of_the_model_by_itself_is_the_answer(unnamed: Answer):
     found = ByItself(unnamed)
     (friction,) = found.answer.present
     assert friction.key == FRICTION
@@ -64,7 +66,7 @@ def test_its_gap_is_that_of_the_model_by_itself(unnamed: Answer):
 
 def test_effects_that_explain_as_much_share_its_probability(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(by_itself, "ALIKE", 10.0)
-    monkeypatch.setattr(by_itself, "EXPLAINED", -10.0)
+    monkeypatch.setattr(by_itself, "TOLD", -10.0)
     monkeypatch.setattr(by_itself, "LESS", -10.0)
     answer = ByItself(unnamed).answer
     own = answer.judged.probability
@@ -75,12 +77,28 @@ def test_effects_that_explain_as_much_share_its_probability(unnamed: Answer, mon
     assert all(answer.beam.points[k].present for k in answer.alternatives)
 
 
-def test_what_explains_less_is_a_hint(unnamed: Answer, monkeypatch):
-    monkeypatch.setattr(by_itself, "EXPLAINED", 1.0)
+@pytest.mark.parametrize("kinds", [{}, {"friction": 0.95}])
+def test_what_explains_less_or_less_than_the_likelihood_knows_is_a_hint(unnamed: Answer, monkeypatch, kinds):
+    unnamed = replace(unnamed, judged=replace(unnamed.judged, kinds=kinds))
+    if not kinds:
+        monkeypatch.setattr(by_itself, "TOLD", 1.0)
     found = ByItself(unnamed)
     assert found.answer is unnamed
     assert found.said.startswith("A hint: by itself, without any disturbance, it errs by ")
     assert found.said.endswith(" with coulomb_friction (v).")
+
+
+def test_where_the_likelihood_sees_nothing_the_error_of_the_model_by_itself_is_said(
+    unnamed: Answer, monkeypatch
+):
+    errs = {id(unnamed.point): 1.0}
+    monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: errs.get(id(point), 9.0))
+    assert ByItself(unnamed).answer is unnamed
+    assert ByItself(unnamed).said.endswith(" with coulomb_friction (v).")
+    monkeypatch.setattr(by_itself, "fit", lambda *a: alone(unnamed.core)[0])  # none helps
+    assert ByItself(unnamed).said.startswith(
+        "By itself, from the beginning of a recording on, the model errs"
+    )
 
 
 def test_an_effect_has_to_show_in_each_part(unnamed: Answer, monkeypatch):

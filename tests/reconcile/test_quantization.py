@@ -11,8 +11,8 @@ from fmus.definition import Sensor, Variable
 from fmus.toolchain.loader import load_model
 from reconcile.judging import quantization
 from reconcile.judging.quantization import examine, named
+from reconcile.page.drawn import Shown
 from reconcile.page.page import write_page
-from reconcile.page.shown import Shown
 from reconcile.recordings.data import Run, Signal
 from reconcile.reporting import contract
 from tests.reconcile.answers import RIG
@@ -181,7 +181,7 @@ def test_steps_that_are_no_effect_change_nothing_but_the_list(rig):
 
 def test_the_page_shows_steps_as_seen_and_not_as_fitted(coarse, tmp_path):
     report = REPORT["agrees"] | quantization.added(REPORT["agrees"], coarse, "rig")
-    page = write_page(tmp_path / "report.html", report, Shown([], []), "rig").read_text("utf-8")
+    page = write_page(tmp_path / "report.html", report, Shown(), "rig").read_text("utf-8")
     assert "Outputs recorded in steps" in page
     assert "Seen in the recorded values, not fitted" in page
     assert "0 % of the gap" not in page

@@ -12,9 +12,10 @@ from reconcile import words
 from reconcile.errors import replicates
 from reconcile.judging import verdict as verdicts
 from reconcile.page import plots
+from reconcile.page.drawn import Course, Shown, Stretch
 from reconcile.page.equation import equation, spelt
 from reconcile.page.page import _facts, write_first, write_page
-from reconcile.page.shown import Course, Shown, Stretch, missing, shown
+from reconcile.page.shown import missing, shown
 from reconcile.recordings.data import Run, Signal
 from reconcile.reporting import report as reports, target
 from reconcile.reporting.contract import Report, check
