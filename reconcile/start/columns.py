@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from reconcile.recordings.ends import far_off
 from reconcile.start.units import known_ratios
 from records.formats import read_measurement
 from records.formats.units import OTHERS, is_unit, spelled
@@ -89,7 +90,13 @@ def columns_of(measured: Measurement, path: Path) -> list[Column]:
     most = max(len(c.time) for c in found)
     if most < LEAST_SAMPLES:
         raise InputError(f"{path} has {most} samples, and {LEAST_SAMPLES} are needed")
-    return _by_data(found)
+    return [c if c.role == "input" else _with_values(c) for c in _by_data(found)]
+
+
+def _with_values(column: Column) -> Column:
+    """Without samples that stand for no value, such as -999: they would bend what is estimated."""
+    off = far_off(column.values)
+    return replace(column, time=column.time[~off], values=column.values[~off])
 
 
 def _numbers(values: np.ndarray) -> bool:

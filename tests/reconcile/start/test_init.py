@@ -408,6 +408,14 @@ def test_what_moves_a_level_is_not_taken_for_its_speed(tmp_path: Path, heading: 
     assert len(only.inputs) == 1
 
 
+def test_a_sample_that_stands_for_no_value_bends_no_estimate(tmp_path: Path):
+    r = filling(4.0)
+    r["level"][50] = -999.0
+    file = table(tmp_path / "r.csv", {"t [s]": r["t"], "pump [V]": r["command"], "level [m]": r["level"]})
+    start(file, tmp_path / "first", "first-order")
+    assert value(open_folder(str(tmp_path / "first")), "time_constant") == pytest.approx(80.0, rel=0.1)
+
+
 @pytest.mark.parametrize("step", [1e-5, 30.0, 3600.0])
 def test_what_is_recorded_very_fast_or_slowly_can_be_run(tmp_path: Path, step: float):
     r = filling(step)
