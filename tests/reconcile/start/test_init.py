@@ -375,7 +375,8 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path, capsys):
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("q_rad", "rad"), ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", ""),
+    [("q_rad", "rad"), ("x_in", "in"), ("flow_in", ""),
+     ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", ""),
      ("v_kmh", "km/h"),
      ("rpm", "rpm"), ("RPM1", "rpm"), ("MotorRpm", "rpm"), ("rpm_deg", "deg"), ("carpmat", "")],
 )  # fmt: skip
@@ -383,10 +384,17 @@ def test_units_read_out_of_names(name: str, unit: str):
     assert unit_in_name(name) == unit
 
 
-def test_a_wanted_value_is_no_output(tmp_path: Path):
+def roles(tmp_path: Path, columns: dict[str, np.ndarray]) -> list[str]:
+    return [c.role for c in read_columns(table(tmp_path / "rig.csv", columns))]
+
+
+def test_a_wanted_value_is_no_output_and_an_input_where_there_is_no_other(tmp_path: Path):
     r = rig(300)
-    file = table(tmp_path / "rig.csv", {"time": r["t"], "q_des [rad]": r["q"] + 1, "q [rad]": r["q"]})
-    assert [c.role for c in read_columns(file)] == ["setpoint", "position"]
+    columns = {"time": r["t"], "q_des [rad]": r["q"] + 1, "q [rad]": r["q"]}
+    assert roles(tmp_path, columns) == ["input", "position"]
+    assert roles(tmp_path, columns | {"tau": r["torque"]}) == ["setpoint", "position", "input"]
+    levels = {"time": r["t"], "goal": np.round(r["q"]), "ch1": np.round(r["v"])}
+    assert roles(tmp_path, levels) == ["input", ""]
 
 
 def filling(step: float, rows: int = 400) -> dict[str, np.ndarray]:
