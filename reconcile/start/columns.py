@@ -146,7 +146,7 @@ def currents_out(columns: Sequence[Column]) -> list[Column]:
     drives = next((c for c in inputs if _measures(c, "V", VOLTAGES)), None)
     if drives is None:
         return list(columns)
-    text = f"a current, which the voltage {drives.name} drives"
+    text = f"a current, driven by {drives.name}"
     flows = [c for c in inputs if _measures(c, "A", CURRENTS) and not says_command(c.name)]
     return [replace(c, role="other", reason=text) if any(c is f for f in flows) else c for c in columns]
 

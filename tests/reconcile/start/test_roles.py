@@ -54,7 +54,7 @@ def test_a_current_is_the_output_of_first_order_beside_a_gap_and_is_told_of_else
     assert taken(file, tmp_path / "first", "first-order")[:2] == (["u"], ["current"])
     assert taken(file, tmp_path / "free", "free")[:2] == (["u"], ["current", "gap"])
     *_, said = taken(file, tmp_path / "alone")
-    assert any("a current, which the voltage u drives, so it may be an output" in line for line in said), said
+    assert any("a current, driven by u, so it may be an output" in line for line in said), said
 
 
 def test_a_drives_current_may_be_its_input(tmp_path: Path):
@@ -64,6 +64,16 @@ def test_a_drives_current_may_be_its_input(tmp_path: Path):
     *_, said = taken(file, tmp_path / "first")
     assert "command: column current (its unit is A)" in said
     assert any("voltage' is not used: its unit is V, so it may be an input" in line for line in said), said
+
+
+def test_a_number_is_no_motion(tmp_path: Path):
+    """Its `v` is a voltage; a model of a speed in m/s could not read it."""
+    r = rig()
+    angle = np.degrees(r["q"] + 5.0 * r["t"])
+    file = table(tmp_path / "r.csv", {"time [s]": r["t"], "v [1]": r["torque"], "theta [deg]": angle})
+    inputs, outputs, said = taken(file, tmp_path / "first")
+    assert said[0].startswith("template rotary")
+    assert (inputs, outputs) == (["command"], ["position"])
 
 
 def test_a_wanted_position_drives_by_how_far_the_position_is_off(tmp_path: Path):
