@@ -10,9 +10,7 @@ LITTLE = 0.1  # of a signal: near to nothing
 BRIEF = 0.1  # of its samples: on its way from one sign to the other
 FEW = 0.05  # of the samples: those that may stand for no value
 BEYOND = 10.0  # times the span of all others, by which they lie off
-MOVING = (
-    10.0  # times its noise and its step, that a signal spans which does not just stand: white noise spans 9
-)
+MOVING = 10.0  # times its noise and its step, which a signal spans that does not just stand (noise: 9)
 NOISY = 2.0  # of the smallest step of a sensor: with less noise a machine that stands shows one value as well
 
 

@@ -78,6 +78,15 @@ def test_they_are_left_out_and_said(values, said):
     assert len(runs) == 1
 
 
+def test_the_value_is_said_as_the_file_has_it():
+    channels = {
+        "heat": Channel("heat", "W", TIME, STEPS),
+        "temperature": Channel("temperature", "degC", TIME, at(WAVE, m999=(60,))),
+    }
+    (run,) = runs_of(Measurement(channels, source="hot.csv"), models.cooling(), "hot")
+    assert run.notes == ("1 sample of temperature at -999 degC, far beyond all others: left out",)
+
+
 def test_the_end_of_a_sensors_range_shows_beside_them():
     said = read(STEPS, at(np.minimum(WAVE, 27.0), x9999=(60,)))[0].notes
     assert len(said) == 2
