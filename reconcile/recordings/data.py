@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile import words
 from reconcile.equations.model import Folder
-from reconcile.recordings import ends, sizes, turns
+from reconcile.recordings import ends, far, sizes, turns
 from records.formats import read_measurement
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
@@ -107,9 +107,11 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     where = measured.source or name
     inputs, outputs = _there(measured, folder, where)
     units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
-    channels = {n: _in_unit(measured[n], units[n], where) for n in (*inputs, *outputs)}
+    channels = {n: measured[n] for n in (*inputs, *outputs)}
     _check_numbers(channels, where)
-    said = [*_within_range(channels, outputs), *_continuous(channels, outputs)]
+    said = far.left_out(channels, inputs, outputs)  # in the file's units: -999 is said as such
+    channels = {n: _in_unit(c, units[n], where) for n, c in channels.items()}
+    said += [*_within_range(channels, outputs), *_continuous(channels, outputs)]
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []

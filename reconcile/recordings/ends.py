@@ -1,4 +1,4 @@
-"""What the values of a signal alone say: an end of its sensor's range, magnitudes, whether it turns round."""
+"""What the values of a signal alone say: a sensor's end, samples far off, whether it turns round."""
 
 import numpy as np
 
@@ -8,6 +8,9 @@ LEAST = 10  # samples in a row
 MOSTLY = 0.5  # of the samples lie within the range, else the signal has two levels
 LITTLE = 0.1  # of a signal: near to nothing
 BRIEF = 0.1  # of its samples: on its way from one sign to the other
+FEW = 0.05  # of the samples: those that may stand for no value
+BEYOND = 10.0  # times the span of all others, by which they lie off
+MOVING = 10.0  # times its noise and its step, which a signal spans that does not just stand (noise: 9)
 NOISY = 2.0  # of the smallest step of a sensor: with less noise a machine that stands shows one value as well
 
 
@@ -25,6 +28,23 @@ def at_an_end(values: np.ndarray) -> np.ndarray:
     return found
 
 
+def far_off(values: np.ndarray) -> np.ndarray:
+    """Which samples [n] stand for no value, as -999 or 65535 do: few, and far beyond the span of all others.
+
+    The others have to move, by more than noise: a pulse is as far off from what stands.  A zero is none:
+    what is at rest shows that.
+    """
+    ascending = np.sort(values)
+    few = int(FEW * len(values))
+    low, high = _cuts(ascending, few)
+    for i, j in ((low, high), (low, len(values)), (0, high)):
+        rest, off = ascending[i:j], (values < ascending[i]) | (values > ascending[j - 1])
+        near = np.min(np.r_[rest[0] - ascending[:i], ascending[j:] - rest[-1]], initial=np.inf)
+        if off.any() and near > BEYOND * (rest[-1] - rest[0]) and _moves(values[~off]):
+            return off & (values != 0.0)
+    return np.zeros(len(values), bool)
+
+
 def turns_at_nothing(values: np.ndarray) -> bool:
     """Whether a signal [n] comes to nothing and goes on at once, as the size of what turns round does."""
     size = np.abs(values)
@@ -37,6 +57,21 @@ def turns_round(values: np.ndarray) -> bool:
     little = LITTLE * np.ptp(values)
     down, up = np.maximum.accumulate(values) - values, values - np.minimum.accumulate(values)
     return bool(np.max(down) > little and np.max(up) > little)
+
+
+def _cuts(ascending: np.ndarray, few: int) -> tuple[int, int]:
+    """Rows [low, high) between the largest steps among the few smallest and the few largest values."""
+    steps, n = np.diff(ascending), len(ascending)
+    if few == 0:
+        return 0, n
+    return int(np.argmax(steps[:few])) + 1, n - 1 - int(np.argmax(steps[: -few - 1 : -1]))
+
+
+def _moves(values: np.ndarray) -> bool:
+    """Whether a signal [n] spans more than noise and the smallest step between its values make it."""
+    steps = np.diff(np.unique(values))
+    least = max(high_pass_level(values), float(np.min(steps, initial=np.inf)))
+    return bool(np.ptp(values) > MOVING * least)
 
 
 def _longest(row: np.ndarray) -> int:

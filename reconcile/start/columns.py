@@ -7,39 +7,30 @@ from pathlib import Path
 
 import numpy as np
 
+from reconcile.recordings.ends import far_off
+from reconcile.start.headings import (
+    QUANTITIES,
+    is_of,
+    role_of,
+    roles_named,
+    says_command,
+    unit_in_name,
+    words_of,
+)
 from reconcile.start.units import known_ratios
 from records.formats import read_measurement
-from records.formats.units import OTHERS, is_unit, spelled
+from records.formats.units import spelled
 from records.measurement import Measurement
 from specs.errors import InputError
-from specs.units import compatible
 
 LEAST_SAMPLES = 30
 ALIKE = 0.95  # correlation of a column with the slope of a position that makes it a velocity
 SAME = 0.1  # by which its size may differ from that slope, in the same or another usual unit
 USUAL = (1.0, 1.0 / 6.0, *known_ratios())  # ratios of units; 1/6: rpm beside degrees
 HELD = 0.5  # share of samples equal to the one before, of what moves in steps
-WORDS = {
-    "output": "out output response",
-    "setpoint": "des desired ref reference target setpoint soll sollwert goal",
-    "acceleration": "acc accel acceleration qdd ddq beschleunigung",
-    "velocity": "v vel velocity speed omega w rpm rate qd dq qdot drehzahl geschwindigkeit geschw thetadot",
-    "input": "u tau torque force cmd command voltage current moment drehmoment kraft pwm input spannung "
-    "strom volt effort duty trq frc in valve spool pump heater throttle lever joystick control ctrl rudder",
-    "position": "q p x y pos position angle phi theta winkel weg height hoehe encoder stroke lage ang",
-}
-ROLE_OF_WORD = {word: role for role, words in WORDS.items() for word in words.split()}
-COMMANDS = ("command", "cmd", "input", "rudder")  # inputs whatever their unit: a position may be asked for
-UNIT_ROLES = (
-    ("rad", "position"), ("m", "position"), ("rad/s", "velocity"), ("m/s", "velocity"),
-    ("rad/s2", "acceleration"), ("m/s2", "acceleration"), ("N", "input"), ("N.m", "input"),
-)  # fmt: skip
-SHORT_UNITS = {
-    "degps": "deg/s", "dps": "deg/s", "radps": "rad/s", "mps": "m/s", "kmh": "km/h", "kph": "km/h",
-}  # fmt: skip
 MOTION = ("position", "velocity")
-LEVELS = ("level", "niveau", "stand", "fuellstand", "füllstand")
-COMMAND_UNITS = ("V", "A", "%")
+VOLTAGES, CURRENTS = {"voltage", "volt", "spannung"}, {"current", "strom"}
+WANTED = "guessed: a wanted value, and no other input is recorded"
 
 
 @dataclass(frozen=True)
@@ -89,7 +80,13 @@ def columns_of(measured: Measurement, path: Path) -> list[Column]:
     most = max(len(c.time) for c in found)
     if most < LEAST_SAMPLES:
         raise InputError(f"{path} has {most} samples, and {LEAST_SAMPLES} are needed")
-    return _by_data(found)
+    return [c if c.role == "input" else _with_values(c) for c in _by_data(found)]
+
+
+def _with_values(column: Column) -> Column:
+    """Without samples that stand for no value, such as -999: they would bend what is estimated."""
+    off = far_off(column.values)
+    return replace(column, time=column.time[~off], values=column.values[~off])
 
 
 def _numbers(values: np.ndarray) -> bool:
@@ -102,59 +99,8 @@ def _column(channel) -> Column:
     unit, stated = spelled(channel.unit), bool(channel.unit)
     if not unit:
         unit = unit_in_name(channel.name)
-    role, reason = _role(channel.name, unit)
+    role, reason = role_of(channel.name, unit)
     return Column(channel.name, unit, stated, role, reason, channel.time[good], values[good])
-
-
-def unit_in_name(name: str) -> str:
-    """The unit that a name ends with, as in `q_rad`, `torque(Nm)`, `speed rpm`, or is a word of it, as in
-    `rpm1`; "" where it has none."""
-    match = re.search(r"\(([^()]+)\)\s*$", name) or re.search(r"[_ .]([A-Za-z°%]+(?:/s|ps)?)$", name)
-    text = match[1] if match else ""
-    text = SHORT_UNITS.get(text.lower(), text)
-    lone = len(text) == 1 and match is not None and not match[0].endswith(")") and text not in "VANm%"
-    if text and not lone and is_unit(text):
-        return spelled(text)
-    return "rpm" if "rpm" in _words(name) else ""
-
-
-def _words(name: str) -> list[str]:
-    return [w.lower() for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
-
-
-def _role(name: str, unit: str) -> tuple[str, str]:
-    words = _words(name)
-    named = [ROLE_OF_WORD[w] for w in words if w in ROLE_OF_WORD]
-    if "setpoint" in named and "input" not in named:
-        return "setpoint", "its name says that it is a wanted value"
-    if set(words) & set(LEVELS) and is_of(unit, "m"):
-        return "other", "its name says that it is a level"
-    if command := next((w for w in words if w in COMMANDS), ""):
-        return "input", f"its name has '{command}'"
-    for wanted, role in UNIT_ROLES:
-        if is_of(unit, wanted):
-            return role, f"its unit is {unit}"
-    if "output" in named:
-        return "output", "its name says that it is an output"
-    if unit in COMMAND_UNITS and (not named or "input" in named):
-        return "input", f"its unit is {unit}"
-    if unit and unit != "1":
-        return "other", f"its unit is {unit}"
-    order = [r for r in WORDS if r in named]
-    return (
-        (order[0], f"its name has '{words[[ROLE_OF_WORD.get(w) for w in words].index(order[0])]}'")
-        if (order)
-        else ("", "")
-    )
-
-
-def is_of(unit: str, wanted: str) -> bool:
-    """Whether a unit measures what `wanted` does."""
-    ours = OTHERS[unit][1] if unit in OTHERS else unit
-    try:
-        return bool(unit) and compatible(ours, wanted)
-    except (InputError, KeyError):
-        return False
 
 
 def _by_data(columns: Sequence[Column]) -> list[Column]:
@@ -172,7 +118,8 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
                 break
     unknown = [i for i, c in enumerate(found) if not c.role and not c.constant]
     held = [i for i in unknown if found[i].held]
-    if not any(c.role == "input" for c in found) and len(held) < sum(not c.constant for c in found):
+    free = sum(not c.constant and c.role != "setpoint" for c in found)
+    if not any(c.role == "input" for c in found) and len(held) < free:
         for i in held:
             found[i] = replace(found[i], role="input", reason="guessed: it moves in steps")
     unknown = [i for i, c in enumerate(found) if _may_drive(c)]
@@ -183,7 +130,48 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
     ):
         text = "guessed: nothing else is left that could drive it"
         found[unknown[0]] = replace(found[unknown[0]], role="input", reason=text)
-    return _two(found)
+    return _wanted(_last(_currents(_two(found))))
+
+
+def _currents(columns: list[Column]) -> list[Column]:
+    """Currents are outputs beside a voltage, unless something moves: a drive's current may be its input."""
+    if any(c.role in MOTION and c.unit and not c.constant for c in columns):
+        return columns
+    return currents_out(columns)
+
+
+def currents_out(columns: Sequence[Column]) -> list[Column]:
+    """The columns, those that are a current outputs where a voltage is the input."""
+    inputs = [c for c in columns if c.role == "input" and not c.constant]
+    drives = next((c for c in inputs if _measures(c, "V", VOLTAGES)), None)
+    if drives is None:
+        return list(columns)
+    text = f"a current, driven by {drives.name}"
+    flows = [c for c in inputs if _measures(c, "A", CURRENTS) and not says_command(c.name)]
+    return [replace(c, role="other", reason=text) if any(c is f for f in flows) else c for c in columns]
+
+
+def _measures(column: Column, unit: str, words: set[str]) -> bool:
+    return column.unit == unit or (not column.unit and bool(set(words_of(column.name)) & words))
+
+
+def _last(columns: list[Column]) -> list[Column]:
+    """Of inputs alone, the one that its unit alone makes one is the output."""
+    moving = [c for c in columns if not c.constant and c.role != "setpoint"]
+    unsaid = [c for c in moving if "input" not in roles_named(c.name)]
+    if len(moving) < 2 or len(unsaid) != 1 or any(c.role != "input" for c in moving):
+        return columns
+    text = "guessed: nothing else is left that could be the output"
+    return [replace(c, role="other", reason=text) if c is unsaid[0] else c for c in columns]
+
+
+def _wanted(columns: list[Column]) -> list[Column]:
+    """The one wanted value is the input where there is no other."""
+    moving = [c for c in columns if not c.constant]
+    wanted = [c for c in moving if c.role == "setpoint"]
+    if len(wanted) != 1 or len(moving) < 2 or any(c.role == "input" for c in moving):
+        return columns
+    return [replace(c, role="input", reason=WANTED) if c is wanted[0] else c for c in columns]
 
 
 def _may_drive(column: Column) -> bool:
@@ -198,6 +186,8 @@ def _two(columns: list[Column]) -> list[Column]:
     if len(moving) != 2 or len(held) != 1 or any(c.role not in ("input", "other", "") for c in moving):
         return columns
     (driver,) = held
+    if set(words_of(driver.name)) & QUANTITIES:
+        return columns
 
     def told(c: Column) -> Column:
         if c is driver and c.role != "input":

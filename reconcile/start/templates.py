@@ -66,11 +66,11 @@ def per(unit: str, of: str) -> str:
 
 
 def axis(
-    draft: Draft, kind: Motion, has: Sequence[str], drive: str | None, pendulum: bool, neutral: bool = False
+    draft: Draft, kind: Motion, has: Sequence[str], drive: str | None, pendulum: bool, offset: str = ""
 ) -> None:
     """One axis; `has`: which of position and velocity are recorded; `drive`: unit of what drives it.
 
-    `neutral`: whether that has a middle of its own at which it does nothing, as the pulses of a servo.
+    `offset`: the command at which it does nothing: a middle as of a servo's pulses, or where the axis is.
     """
     if "position" in has or pendulum:
         draft.states.append(("q", kind.position, "Position"))
@@ -88,7 +88,7 @@ def axis(
         return
     if drive is not None:
         draft.inputs.append(("command", drive, "Recorded command"))
-    command = "(u.command - p.neutral)" if neutral else "u.command"
+    command = f"(u.command - {offset})" if offset else "u.command"
     terms = [f"p.gain * {command}"] if drive is not None else []
     if pendulum:
         terms.append("-p.gravity / p.length * sin(x.q)")

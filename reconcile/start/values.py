@@ -18,12 +18,13 @@ SURE = 3.0  # deviations from zero that a coefficient must have to be used
 class Drive:
     """What drives an axis: its column, its unit in the model, and the command at which it does nothing.
 
-    `middle` is None where that is zero.
+    `middle` is None where that is zero, or where the axis is (`follows`).
     """
 
     column: Column
     unit: str
     middle: float | None
+    follows: bool = False
 
 
 def si(column: Column, unit: str) -> np.ndarray:
@@ -58,9 +59,8 @@ def axis(template: str, kind: Motion, found: Mapping[str, Column], drive: Drive 
         q = estimate.swung(t, v)
     columns = {"damping": -v}
     if drive is not None:
-        columns["gain"] = np.interp(t, drive.column.time, si(drive.column, drive.unit)) - (
-            drive.middle or 0.0
-        )
+        still = q if drive.follows else drive.middle or 0.0
+        columns["gain"] = np.interp(t, drive.column.time, si(drive.column, drive.unit)) - still
     if drive is None or drive.middle is not None:
         columns["constant"] = np.ones_like(t)
     if template == "pendulum":

@@ -9,7 +9,9 @@ import numpy as np
 
 from reconcile.reporting import target
 from reconcile.start import templates, values
-from reconcile.start.columns import Column, columns_of, is_of
+from reconcile.start.columns import WANTED, Column, columns_of, currents_out
+from reconcile.start.headings import ENDINGS, is_of
+from reconcile.start.notes import names_table, notes_on
 from reconcile.start.templates import MOVES, TURNS, Draft, Motion
 from reconcile.start.values import Drive, si
 from records.formats import read_measurement
@@ -17,7 +19,6 @@ from records.formats.text.clock import UNTIMED
 from specs.errors import InputError
 from specs.units import known
 
-EXAMPLES = {"position": "deg", "velocity": "rpm", TURNS.noun: "N.m", MOVES.noun: "N"}
 TO_AND_FRO = 4  # times that what swings freely crosses its middle
 FAR_OFF = 2.0  # of its own spread, from which the middle of a command is no accident
 NEAR_NOTHING = 0.1  # of that middle: a command as small is none
@@ -41,14 +42,14 @@ def start(recording: Path, out: Path, template: str | None = None, dof: int | No
         template, why = ("chain", f"--dof {dof}") if dof else _pick(usable, recording)
         said.append(f"template {template}: {why}")
     draft, used = _draft(template, dof, usable, recording)
-    notes = _notes(columns, used)
+    notes = notes_on(columns, used, template)
     step = _step(usable)
     name = re.sub(r"\W+", "_", out.name.lower()).strip("_") or "rig"
     name = name if name[0].isalpha() else "rig_" + name
     model = templates.text(draft, name, step, notes, "{:.6g}".format)
     with target.staged(out) as part:
         (part / "model.py").write_text(model, encoding="utf-8")
-        (part / "map.toml").write_text(_map(used), encoding="utf-8")
+        (part / "map.toml").write_text(names_table(used), encoding="utf-8")
     if UNTIMED in measured.repairs:
         said.append(
             f"time: the file states no unit; taken as s, it has a sample every {step:g} s; "
@@ -60,7 +61,7 @@ def start(recording: Path, out: Path, template: str | None = None, dof: int | No
 
 def _pick(usable: Sequence[Column], recording: Path) -> tuple[str, str]:
     """The template that the columns make plain; InputError with the valid ones where they do not."""
-    moving = [c for c in usable if c.role in ("position", "velocity") and c.unit]
+    moving = [c for c in usable if c.role in ("position", "velocity") and c.unit not in ("", "1")]
     turning, straight = [c for c in moving if c.turns], [c for c in moving if not c.turns]
     per_role = max((sum(c.role == r for c in moving) for r in ("position", "velocity")), default=0)
     driven = any(c.role in ("input", "setpoint") for c in usable)
@@ -71,13 +72,15 @@ def _pick(usable: Sequence[Column], recording: Path) -> tuple[str, str]:
         return kind, f"column {moving[0].name} is in {moving[0].unit}, and there is one axis"
     if per_role > 1 and bool(turning) != bool(straight):
         return "chain", f"there are {per_role} axes ({', '.join(c.name for c in moving)})"
-    others = [c for c in usable if c.role == "other"]
+    others = [c for c in usable if c.role in ("other", "output")]
+    others = others or [c for c in usable if driven and not c.role]
     if not moving and len(others) == 1:
-        return "first-order", f"{others[0].name} is the one output, in {others[0].unit}"
+        unit = f", in {others[0].unit}" if others[0].unit else ""
+        return "first-order", f"{others[0].name} is the one output{unit}"
     listed = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in usable[:8])
     raise InputError(
         f"{recording}: the columns {listed} do not tell which template fits; "
-        f"say --template {' | '.join(templates.TEMPLATES)}"
+        f"say --template {' | '.join(templates.TEMPLATES)}; {ENDINGS}"
     )
 
 
@@ -121,14 +124,15 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
         )
     used = dict(found)
     drive = _first(usable, "input", kind) or _left(usable, found, kind)
-    unit = None if drive is None else _drive_unit(drive, kind)
+    follows = drive is not None and _follows(drive, found, kind)
+    unit = kind.position if follows else None if drive is None else _drive_unit(drive, kind)
     if drive is not None:
         used[kind.noun if unit == kind.force else "command"] = drive
     titles = {"rotary": "A drive that turns", "linear": "A drive along a line", "pendulum": "A pendulum"}
     draft = Draft(titles[template])
-    driven = None if drive is None or unit is None else Drive(drive, unit, _middle(drive, unit, kind))
-    neutral = driven is not None and driven.middle is not None
-    templates.axis(draft, kind, list(found), unit, template == "pendulum", neutral)
+    driven = None if drive is None or unit is None else _drive(drive, unit, kind, follows)
+    offset = "x.q" if follows else "p.neutral" if driven is not None and driven.middle is not None else ""
+    templates.axis(draft, kind, list(found), unit, template == "pendulum", offset)
     draft.parameters = values.axis(template, kind, found, driven)
     return draft, used
 
@@ -138,7 +142,21 @@ def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -
     rest = [c for c in usable if all(c is not f for f in found.values()) and c.role != "setpoint"]
     if len(rest) != 1 or rest[0].role not in ("position", "velocity") or rest[0].turns == (kind is TURNS):
         return None
-    return replace(rest[0], reason="guessed: nothing else is left that could drive it")
+    text = "guessed: nothing else is left that could drive it"
+    return replace(rest[0], role="input", reason=text)
+
+
+def _follows(drive: Column, found: Mapping[str, Column], kind: Motion) -> bool:
+    """Whether it is a wanted value of the position that is recorded: what drives is how far that is off."""
+    position = found.get("position")
+    if position is None or drive.reason != WANTED:
+        return False
+    return is_of(drive.unit, kind.position) or (not drive.unit and not position.unit)
+
+
+def _drive(drive: Column, unit: str, kind: Motion, follows: bool) -> Drive:
+    """The column as what drives an axis, with the command at which it does nothing."""
+    return Drive(drive, unit, None if follows else _middle(drive, unit, kind), follows)
 
 
 def _middle(drive: Column, unit: str, kind: Motion) -> float | None:
@@ -215,14 +233,15 @@ def _of_joint(columns: Sequence[Column], i: int, joint: int | None) -> Column | 
 def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
     if len(usable) == 1:  # whatever it is called
         usable = [replace(usable[0], role="output", reason="")]
+    usable = currents_out(usable)
     inputs = [c for c in usable if c.role == "input"]
     outputs = [c for c in usable if c.role not in ("input", "setpoint")]
     if template == "first-order":
         outputs, inputs = _one_of_each(outputs, inputs)
     if not outputs:
         raise InputError(
-            f"{recording}: no column is left as an output beside {', '.join(c.name for c in inputs)}; "
-            "end the heading of the output with _out, as in 'u_out [V]'"
+            f"{recording}: no column is left as an output beside "
+            f"{', '.join(c.name for c in usable if c.role in ('input', 'setpoint'))}; {ENDINGS}"
         )
     ours = {_identifier(c.name): c for c in (*outputs, *inputs)}
     names = [(n, _model_unit(c.unit), c) for n, c in ours.items()]
@@ -241,7 +260,7 @@ def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dr
 
 def _one_of_each(outputs: Sequence[Column], inputs: Sequence[Column]) -> tuple[list[Column], list[Column]]:
     """An output, one that its unit or name says if there is one, and what drives it, or the only one left."""
-    first = sorted(outputs, key=lambda c: not c.role)[:1]
+    first = sorted(outputs, key=lambda c: (not c.role, bool(c.unit) and c.role == "position"))[:1]
     left = [c for c in outputs if c not in first and not c.role]
     if not inputs and len(left) == 1:
         inputs = [replace(left[0], role="input", reason="guessed: nothing else is left that could drive it")]
@@ -256,34 +275,3 @@ def _identifier(name: str) -> str:
 def _step(usable: Sequence[Column]) -> float:
     """A step of integration: a sample, or half of one where they are rare."""
     return float(f"{min(float(np.median(np.diff(c.time))) for c in usable):.2g}")
-
-
-def _notes(columns: Sequence[Column], used: dict[str, Column]) -> list[str]:
-    """What is uncertain, and what was left out and why."""
-    taken = [c.name for c in used.values()]
-    notes = [f"{ours} is column {c.name!r}: {c.reason}" for ours, c in used.items() if "guess" in c.reason]
-    notes += [f"column {c.name!r}: no unit found; map.toml asks for it" for c in used.values() if not c.unit]
-    for c in columns:
-        if c.name not in taken:
-            why = "it keeps one value" if c.constant else c.reason or "its name and unit tell no role"
-            notes.append(f"column {c.name!r} is not used: {why}")
-    return notes
-
-
-def _map(used: dict[str, Column]) -> str:
-    lines = ["# Columns of the recording and what the model calls them: 'theirs' = 'ours [unit]'.",
-             "# A minus turns the sign: 'theirs' = '-ours [unit]'.", "[names]"]  # fmt: skip
-    for ours, c in used.items():
-        example = EXAMPLES.get(ours.rstrip("0123456789"))
-        if not c.unit and example:
-            lines.append(
-                f"# FILL IN the unit of {c.name!r}, as in '{ours} [{example}]'; else it is the model's"
-            )
-        elif not c.unit:
-            lines.append(
-                f"# {c.name!r} has no unit: the model takes a number; write one here and in model.py"
-            )
-        unit = f" [{c.unit}]" if c.unit and not c.stated else ""
-        theirs = c.name.replace("\\", "\\\\").replace('"', '\\"')
-        lines.append(f'"{theirs}" = "{ours}{unit}"')
-    return "\n".join([*lines, ""])

@@ -375,7 +375,8 @@ def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path, capsys):
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("q_rad", "rad"), ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", ""),
+    [("q_rad", "rad"), ("x_in", "in"), ("flow_in", ""),
+     ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", ""),
      ("v_kmh", "km/h"),
      ("rpm", "rpm"), ("RPM1", "rpm"), ("MotorRpm", "rpm"), ("rpm_deg", "deg"), ("carpmat", "")],
 )  # fmt: skip
@@ -383,10 +384,17 @@ def test_units_read_out_of_names(name: str, unit: str):
     assert unit_in_name(name) == unit
 
 
-def test_a_wanted_value_is_no_output(tmp_path: Path):
+def roles(tmp_path: Path, columns: dict[str, np.ndarray]) -> list[str]:
+    return [c.role for c in read_columns(table(tmp_path / "rig.csv", columns))]
+
+
+def test_a_wanted_value_is_no_output_and_an_input_where_there_is_no_other(tmp_path: Path):
     r = rig(300)
-    file = table(tmp_path / "rig.csv", {"time": r["t"], "q_des [rad]": r["q"] + 1, "q [rad]": r["q"]})
-    assert [c.role for c in read_columns(file)] == ["setpoint", "position"]
+    columns = {"time": r["t"], "q_des [rad]": r["q"] + 1, "q [rad]": r["q"]}
+    assert roles(tmp_path, columns) == ["input", "position"]
+    assert roles(tmp_path, columns | {"tau": r["torque"]}) == ["setpoint", "position", "input"]
+    levels = {"time": r["t"], "goal": np.round(r["q"]), "ch1": np.round(r["v"])}
+    assert roles(tmp_path, levels) == ["input", ""]
 
 
 def filling(step: float, rows: int = 400) -> dict[str, np.ndarray]:
@@ -406,6 +414,14 @@ def test_what_moves_a_level_is_not_taken_for_its_speed(tmp_path: Path, heading: 
     _, (only,) = opened(file, tmp_path / "first")
     assert set(only.outputs) == {"level"}
     assert len(only.inputs) == 1
+
+
+def test_a_sample_that_stands_for_no_value_bends_no_estimate(tmp_path: Path):
+    r = filling(4.0)
+    r["level"][50] = -999.0
+    file = table(tmp_path / "r.csv", {"t [s]": r["t"], "pump [V]": r["command"], "level [m]": r["level"]})
+    start(file, tmp_path / "first", "first-order")
+    assert value(open_folder(str(tmp_path / "first")), "time_constant") == pytest.approx(80.0, rel=0.1)
 
 
 @pytest.mark.parametrize("step", [1e-5, 30.0, 3600.0])
