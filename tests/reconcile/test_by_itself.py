@@ -91,8 +91,7 @@ def test_what_explains_less_or_less_than_the_likelihood_knows_is_a_hint(unnamed:
 def test_where_the_likelihood_sees_nothing_the_error_of_the_model_by_itself_is_said(
     unnamed: Answer, monkeypatch
 ):
-    errs = {id(unnamed.point): 1.0}
-    monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: errs.get(id(point), 9.0))
+    monkeypatch.setattr(ByItself, "_left", False)
     assert ByItself(unnamed).answer is unnamed
     assert ByItself(unnamed).said.endswith(" with coulomb_friction (v).")
     monkeypatch.setattr(by_itself, "fit", lambda *a: alone(unnamed.core)[0])  # none helps
