@@ -202,7 +202,7 @@ _ON_PATH = {
 _AMONG = {**_ON_PATH, "clearance": 6.0}
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _SMOOTH = {  # a dear joystick holds the loop calm at rest, where a cheap one chatters on quick drives
-    **_FAST, "balance": 0.3, "settle": 4.0, "overshoot": 0.2, "sway": 0.05, "action": 8.0, "one_shot": 1.0,
+    **_FAST, "balance": 0.3, "settle": 4.0, "overshoot": 0.6, "sway": 0.05, "action": 8.0, "one_shot": 1.0,
 }  # fmt: skip
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
