@@ -201,6 +201,9 @@ _ON_PATH = {
 }  # fmt: skip
 _AMONG = {**_ON_PATH, "clearance": 6.0}
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
+_SMOOTH = {  # a dear joystick holds the loop calm at rest, where a cheap one chatters on quick drives
+    **_FAST, "balance": 0.3, "settle": 4.0, "overshoot": 0.6, "sway": 0.05, "action": 8.0, "one_shot": 1.0,
+}  # fmt: skip
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
 _DRIVES: dict[str, Any] = {  # as far as slew drives differ
@@ -260,6 +263,12 @@ _RECIPES = (
     Recipe(
         "robust", "ours, on a family of drives: goes on from `ppo.onnx` by the simulation's gradient",
         start="ppo.onnx", weights={**_OURS, "action": 0.3}, **_FAMILY, iterations=300, rate=5e-4,
+    ),
+    Recipe(
+        "slew_robust",
+        "ours, slew-only, on a family of drives: goes on from `ppo_slew.onnx` by the simulation's gradient",
+        task="slew", start="ppo_slew.onnx", weights=_SMOOTH, iterations=150, rate=5e-4,
+        **{**_FAMILY, "random": Randomisation(**_DRIVES)},
     ),
     Recipe(
         "path", "ours, led along planned paths: goes on from `full.onnx` by the simulation's gradient",

@@ -1,12 +1,17 @@
 """The worst over a family of drives, and the rule of choice, on a small budget."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy import worst
 from learning.policy.export import read
-from learning.policy.session import NETWORKS
+from learning.policy.judge import judge_file
+from learning.policy.recipe import RECIPES
+from learning.policy.session import FAMILY, NETWORKS
+from learning.policy.simulation.environment import load_networks
 from tests.conftest import ROOT
 
 FULL = ROOT / "learning" / "policies" / "full.onnx"
@@ -44,3 +49,17 @@ def test_the_family_s_worst_on_a_small_budget(monkeypatch: pytest.MonkeyPatch) -
     assert np.isfinite([list(row.values()) for row in found.values()]).all()
     assert worst.judged(read(FULL), networks, n=8) == found
     assert worst.worst(found)["tool"][0] == max(row["tool"] for row in found.values())
+
+
+def test_the_slew_alone_comes_to_rest_on_drives_that_differ() -> None:
+    """The published networks as they are and with more flow: nothing is missed, and the joystick is calm."""
+    network = load_networks(FAMILY[1:])[0]
+    shipped = read(FULL.with_name("slew_robust.onnx"))
+    machines = worst.fixed(RECIPES["slew"].random)
+    for gain in (1.0, 1.33):
+        told = replace(machines, gain=(gain, gain))
+        found = judge_file(shipped, [network], told, 1.0, 16, ("empty",), ahead_s=0.0)["empty"]
+        assert found["missed"] == 0.0
+        assert found["speed"] > 13.0
+        assert found["overshoot"] < 2.0
+        assert found["sign_changes"] < 1.2
