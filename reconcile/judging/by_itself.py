@@ -65,10 +65,8 @@ class ByItself:
         found = self.answer.present or tuple(self._alike[:SHOWN])
         least = min(self._error(self.points[a]) for a in found)
         if least > (1.0 - LESS) * self._without:
-            whole = (
-                f"By itself, from the beginning of a recording on, it errs by {words.percent(self._without)}"
-            )
-            return "" if self._left else f"{whole} of the outputs' motion."
+            whole = f"the model errs by {words.percent(self._without)} of the outputs' motion"
+            return "" if self._left else f"By itself, from the beginning of a recording on, {whole}."
         errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
         if self.answer.present:
             return f"That rests on the model by itself, without any disturbance: {errs} then."

@@ -13,6 +13,7 @@ from reconcile.errors.ahead import ahead, beyond_noise, horizon_s
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import curves
+from reconcile.judging.refused import Refused
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -72,7 +73,7 @@ def judge(answer: Answer) -> Verdict:
     left = "unexplained" if beyond > AT_FLOOR else "at_floor"
     if not answer.present:
         name, text = _unnamed(answer, beyond, left)
-        return Verdict(name, text + _turned_down(answer), left)
+        return Verdict(name, text + _turned_down(answer.judged.refused), left)
     if answer.curves:
         return _curved(answer)
     other = curves(answer.judged.posterior, answer.judged.answer)
@@ -83,7 +84,8 @@ def judge(answer: Answer) -> Verdict:
         return Verdict("ambiguous", text + more, left)
     rest = "" if left == "at_floor" else "; something unexplained remains"
     text = f"The model lacks {words.together(_pairs(answer.present))}{rest}.{more}"
-    return Verdict("named", text + _turned_down(answer, " Turned down beside it"), left)
+    denied = [r for r in answer.judged.refused if r.denied]
+    return Verdict("named", text + _turned_down(denied, " Turned down beside it"), left)
 
 
 def _curved(answer: Answer) -> Verdict:
@@ -125,11 +127,9 @@ def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
     return "agrees", f"Model and recordings agree within {within}, {horizon_s(core):.3g} s ahead."
 
 
-def _turned_down(answer: Answer, how: str = " Likeliest, but turned down") -> str:
+def _turned_down(refused: Iterable[Refused], how: str = " Likeliest, but turned down") -> str:
     """The likeliest effects that are not named all the same, and why."""
-    reasons = {
-        freeform.SAID.get(r.effect, r.effect).format(port=r.port): r.because for r in answer.judged.refused
-    }
+    reasons = {freeform.SAID.get(r.effect, r.effect).format(port=r.port): r.because for r in refused}
     last = list(reasons)[-MOST_TURNED_DOWN:]
     if len(last) > 1 and len({reasons[n] for n in last}) == 1:
         return f"{how}: {words.listed(last)} (each: {reasons[last[0]]})."

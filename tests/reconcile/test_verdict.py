@@ -135,19 +135,15 @@ def test_what_was_turned_down_is_said_where_nothing_is_named():
         Refused(n, "v", f"takes {k} %")
         for k, n in enumerate(("stiffness", "viscous_friction", "coulomb_friction", "viscous_friction"))
     ]
-    answer: Any = SimpleNamespace(judged=SimpleNamespace(refused=refused))
-    said = verdicts._turned_down(answer)
-    assert said == (
+    assert verdicts._turned_down(refused) == (
         " Likeliest, but turned down: viscous_friction (takes 3 %) and coulomb_friction (takes 2 %)."
     )
-    answer.judged.refused = [replace(r, because="takes nothing") for r in refused[:2]]
-    said = " Likeliest, but turned down: stiffness and viscous_friction (each: takes nothing)."
-    assert verdicts._turned_down(answer) == said
-    answer.judged.refused = [Refused("speed_curve", "w", "takes nothing")]
+    alike = [replace(r, because="takes nothing") for r in refused[:2]]
+    said = " Beside it: stiffness and viscous_friction (each: takes nothing)."
+    assert verdicts._turned_down(alike, " Beside it") == said
     said = " Likeliest, but turned down: a force over the speed (axis w) (takes nothing)."
-    assert verdicts._turned_down(answer) == said
-    answer.judged.refused = []
-    assert verdicts._turned_down(answer) == ""
+    assert verdicts._turned_down([Refused("speed_curve", "w", "takes nothing")]) == said
+    assert verdicts._turned_down([]) == ""
 
 
 def test_a_parameter_of_an_effect_at_its_limit_is_said(rig):
