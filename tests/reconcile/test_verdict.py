@@ -12,6 +12,7 @@ from reconcile.equations.model import Attached, candidates
 from reconcile.errors import ahead as errors
 from reconcile.filter.point import Free, standard_errors
 from reconcile.judging import answer as answers, judge as judges, mistaken, verdict as verdicts
+from reconcile.judging.judge import Judged
 from reconcile.judging.refused import Refused, no_shaft
 from reconcile.search.free import LATEST, FreeParameters
 
@@ -21,11 +22,11 @@ from reconcile.search.free import LATEST, FreeParameters
     [
         (["input u is constant"], 9.0, 0.9, "insufficient_excitation", "input u is constant"),
         (["input u is constant"], 9.0, 0.1, "unexplained", "errs by 5"),
-        (["input u is constant"], 0.4, 0.1, "agrees", "within the noise"),
+        (["input u is constant"], 0.4, 0.1, "agrees", "within the noise, 0.5 s ahead"),
         ([], 9.0, 0.9, "unexplained", "errs by 5"),
         ([], 2.4, 0.9, "insufficient_excitation", "nothing tells drag"),
         ([], 2.4, 0.1, "agrees", "within 2.4 times the noise"),
-        ([], 0.4, 0.1, "agrees", "within the noise"),
+        ([], 0.4, 0.1, "agrees", "within the noise, 0.5 s ahead"),
     ],
 )
 def test_an_error_left_is_said_before_too_little_excitation(
@@ -37,12 +38,14 @@ def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda answer: {})
     monkeypatch.setattr(verdicts, "combined", lambda core: [])
-    core: Any = SimpleNamespace(known=lambda point: {"drag": known}, disturbances=lambda values: {"v": 0.1})
+    core: Any = SimpleNamespace(
+        known=lambda point: {"drag": known}, disturbances=lambda values: {"v": 0.1}, memory_s=0.5, period=0.01
+    )
     answer: Any = SimpleNamespace(
         core=core,
         point=SimpleNamespace(values={}),
         present=(),
-        judged=SimpleNamespace(kinds={}, probability={}, refused=[]),
+        judged=Judged(frozenset(), (), {}, {}, [], {}, []),
     )
     answer.beam = SimpleNamespace(points={frozenset(): answer.point})
     found = verdicts.judge(answer)
@@ -196,7 +199,7 @@ def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
 def test_what_is_likely_is_not_said_to_explain_nothing(monkeypatch, probability, kinds, said: str):
     monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.2)
     core: Any = SimpleNamespace(disturbances=lambda values: {"v": 0.1})
-    judged = SimpleNamespace(kinds=kinds, probability=probability, refused=[])
+    judged = Judged(frozenset(), (), probability, kinds, [], {}, [])
     beam = SimpleNamespace(points={frozenset(): SimpleNamespace(values={})})
     answer: Any = SimpleNamespace(core=core, point=None, judged=judged, beam=beam)
     sentence = verdicts._unexplained(answer)
