@@ -68,7 +68,8 @@ def without_axis(figures: dict[str, Any]) -> list[str]:
         return []
     return [
         f"{words.NO_AXIS}, so no friction, spring or load is looked for; "
-        "if it has one, declare PORTS in model.py"
+        "if a state is a speed in whatever unit, declare PORTS in model.py, as in "
+        'PORTS = {"axis": {"velocity": "NAME OF THAT STATE"}}'
     ]
 
 

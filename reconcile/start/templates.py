@@ -4,6 +4,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from reconcile.start.headings import roles_named
+
 ESTIMATED = "estimated from the recording by least squares"
 SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
 GUESS = "a guess: the recording does not tell it in this way; put in what you know"
@@ -37,6 +39,7 @@ class Draft:
     rates: dict[str, str] = field(default_factory=dict)
     out: dict[str, str] = field(default_factory=dict)
     sine: bool = False
+    moves: str = ""  # a state that is a speed, whatever its unit: a force moves it
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,7 @@ def free(draft: Draft, outputs: Sequence[tuple[str, str]], inputs: Sequence[tupl
 
 
 def first_order(draft: Draft, output: tuple[str, str], drive: tuple[str, str] | None) -> None:
-    """T x' = gain u + offset - x."""
+    """T x' = gain u + offset - x; a speed in volts or counts is moved by forces as any other is."""
     name, unit = output
     state = "x_" + name
     draft.states, draft.outputs = [(state, unit, "State")], [(name, unit, "Recorded " + name)]
@@ -148,6 +151,7 @@ def first_order(draft: Draft, output: tuple[str, str], drive: tuple[str, str] | 
         draft.inputs.append((drive[0], drive[1], "Recorded input"))
     gain = f"p.gain * u.{drive[0]} + " if drive else ""
     draft.rates[state] = f"({gain}p.offset - x.{state}) / p.time_constant"
+    draft.moves = state if "velocity" in roles_named(name) else ""
 
 
 def text(draft: Draft, name: str, step: float, notes: Sequence[str], number: Callable[[float], str]) -> str:
@@ -179,4 +183,8 @@ def text(draft: Draft, name: str, step: float, notes: Sequence[str], number: Cal
         lines += [f"        # {q.source}"]
         values = f"start={number(q.start)}{limits}{known}"
         lines += [f'        Variable("{q.name}", "{q.unit}", "{q.description}", {values}),']
-    return "\n".join([*lines, "    ),", "    rhs=rates,", "    out=outputs,", ")", ""])
+    lines += ["    ),", "    rhs=rates,", "    out=outputs,", ")"]
+    if draft.moves:
+        lines += ["", "# A speed: friction and loads are looked for. Delete it where no force moves this."]
+        lines += [f'PORTS = {{"axis": {{"velocity": "{draft.moves}"}}}}']
+    return "\n".join([*lines, ""])

@@ -115,3 +115,12 @@ def test_a_refusal_says_how_a_heading_tells_the_role(tmp_path: Path, template):
 def test_a_level_that_is_read_in_coarse_steps_is_no_input(tmp_path: Path):
     columns = {"time [s]": np.arange(400.0), "pump [V]": SMOOTH, "level [V]": np.round(SMOOTH / 5.0)}
     assert [c.role for c in read_columns(table(tmp_path / "r.csv", columns))] == ["input", "other"]
+
+
+@pytest.mark.parametrize(
+    ("heading", "moved"), [("speed [V]", True), ("wheel rpm [1]", True), ("level [V]", False)]
+)
+def test_a_speed_in_any_unit_is_moved_by_forces(tmp_path: Path, heading: str, moved: bool):
+    file = filled(tmp_path, "duty [%]", heading)
+    start(file, tmp_path / "first", "first-order")
+    assert bool(open_folder(str(tmp_path / "first")).ports.axes) is moved
