@@ -241,13 +241,14 @@ def write(
 
 def show(outcome: Outcome) -> None:
     """Print a table for each controller, the verified one last, the comparison and where the report is."""
+    where = f", plant {outcome.plant.name}" if outcome.plant else ""
     for v in outcome.beside:
-        title = f"{v.controller} (for comparison)"
+        title = f"{v.controller} (for comparison){where}"
         results.print_table(
             results.evaluate(v.runs), v.verdicts, v.realtime_factor, title=title, misses=False
         )
     own = outcome.own
-    title = f"{own.controller} (verified)"
+    title = f"{own.controller} (verified){where}"
     results.print_table(results.evaluate(own.runs), own.verdicts, own.realtime_factor, title=title)
     for sentence in outcome.comparison:
         print(sentence)

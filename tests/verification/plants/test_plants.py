@@ -310,5 +310,7 @@ def test_verify_runs_on_a_plant(tmp_path: Path, capsys: Any) -> None:
         assert (left > 0.05) is (name == "narrow")
         report = (tmp_path / name / "report.html").read_text()
         assert f"--plant {name}" in report
-        for said in (capsys.readouterr().err, report):
+        printed = capsys.readouterr()
+        assert f"(verified), plant {name}" in printed.out
+        for said in (printed.err, report):
             assert (warned in said) is (name == "narrow")
