@@ -4,7 +4,7 @@ A large disturbance may do the work of an effect, and the likelihood then says n
 error the model does.  What lasts is no noise: how probable such an answer is, no evidence says.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -22,11 +22,12 @@ from reconcile.search.alone import alone, fit
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.screen import Scored, Screen
-from reconcile.search.sets import Key
+from reconcile.search.sets import Key, effects
 from reconcile.tolerances import ALONE, AT_FLOOR
 
 TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
 MOST = 2  # parameters of an effect that is told so: with more of them, one imitates others
+STEPS = 1e7  # of the filter, after which no more effects are tried: about ten core seconds
 TOLD = 2.0 / 3.0  # of the error, that an answer takes away: real recordings err by more than one thing
 LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
 ALIKE = 0.1  # of the error without effects, within which effects explain as much
@@ -34,13 +35,17 @@ PARTS = ("fit", "confirm")  # what is not held out
 
 
 class ByItself:
-    """Single effects, fitted by the output error; none where something is named, or nothing errs."""
+    """Single effects beside those of an answer, fitted by the output error; none where nothing errs.
+
+    Nor are there any beside a curve: it stands for what no effect has the form of.
+    """
 
     def __init__(self, given: Answer):
         self.given, self.core = given, given.core
         self.points: dict[Attached, Point] = {}
-        if not given.present and alone(self.core) and (self._errs or self._left):
-            self.points = self._fitted()
+        self.plain = self._plain()
+        if self.plain and not given.curves and (self._left or beyond_noise(self.core, self.plain) > AT_FLOOR):
+            self.points = dict(self._fitted(self.plain))
 
     @cached_property
     def answer(self) -> Answer:
@@ -48,7 +53,7 @@ class ByItself:
 
         What the likelihood has all but told, a kind or that noise alone is left, is its own answer.
         """
-        if not self._left or self.given.judged.sure_kind:
+        if self.given.present or not self._left or self.given.judged.sure_kind:
             return self.given
         enough = (1.0 - TOLD) * self._without
         simple = [a for a in self._alike if _parameters(a) <= MOST]
@@ -62,36 +67,42 @@ class ByItself:
         """A sentence on it, or a hint; "" without."""
         if not self.points:
             return ""
-        found = self.answer.present or tuple(self._alike[:SHOWN])
+        told = self.answer.present if self.answer.judged.alone else ()
+        found = told or tuple(self._alike[:SHOWN])
         least = min(self._error(self.points[a]) for a in found)
         if least > (1.0 - LESS) * self._without:
             whole = f"the model errs by {words.percent(self._without)} of the outputs' motion"
             return "" if self._left else f"By itself, from the beginning of a recording on, {whole}."
         errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
-        if self.answer.present:
+        if told:
             return f"That rests on the model by itself, without any disturbance: {errs} then."
         names = words.listed([f"{a.effect.name} ({a.port})" for a in found], "or")
-        return f"A hint: by itself, without any disturbance, {errs} with {names}."
+        beside = " beside that" if self.given.present else ""
+        return f"A hint: by itself, without any disturbance, {errs} with {names}{beside}."
 
     @property
     def _left(self) -> bool:
         """Whether more than noise is left of the answer that was given."""
         return beyond_noise(self.core, self.given.point) > AT_FLOOR
 
-    @property
-    def _errs(self) -> bool:
-        """Whether the model by itself errs by more than noise: within a filter's short sight it may not."""
-        return beyond_noise(self.core, alone(self.core)[0]) > AT_FLOOR
+    def _plain(self) -> Point | None:
+        """The model by itself, with the effects of the answer that was given."""
+        if not self.given.present:
+            return next(iter(alone(self.core)), None)
+        return fit(self.core, [self.given.point.values], self.given.present)
 
-    def _fitted(self) -> dict[Attached, Point]:
-        core, plain = self.core, alone(self.core)[0]
-        scores = Screen(core, plain, self.given.beam.shapes).all(core.candidates, {})
-        tried = ((s.attached, fit(core, _starts(core, plain, s), (s.attached,))) for s in scores[:TRIED])
-        return {a: point for a, point in tried if point}
+    def _fitted(self, plain: Point) -> Iterator[tuple[Attached, Point]]:
+        """Effects with their fits, the likeliest first, as many as there is time for."""
+        core, has = self.core, plain.present
+        others = [a for a in core.candidates if a not in has]
+        limit = core.kalman.done + STEPS
+        for s in Screen(core, plain, self.given.beam.shapes).all(others, {})[:TRIED]:
+            if core.kalman.done < limit and (point := fit(core, _starts(core, plain, s), (*has, s.attached))):
+                yield s.attached, point
 
     @cached_property
     def _without(self) -> float:
-        return self._error(alone(self.core)[0])
+        return self._error(self.plain) if self.plain else 0.0
 
     @cached_property
     def _alike(self) -> list[Attached]:
@@ -102,9 +113,10 @@ class ByItself:
         return list({(a.effect.name, a.port): a for a in reversed(ranked)}.values())[::-1]
 
     def _in_each_part(self, a: Attached) -> bool:
-        least = 1.0 - LESS
-        plain = alone(self.core)[0]
-        return all(self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS)
+        least, plain = 1.0 - LESS, self.plain
+        return plain is not None and all(
+            self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS
+        )
 
     def _error(self, point: Point, parts: Sequence[str] = PARTS) -> float:
         """Error ahead (rms), noise and all, in spreads of the outputs."""
@@ -144,7 +156,8 @@ class ByItself:
 
 def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:
     """As the scores ask for it, and from the model as it came: a large effect bends the other parameters."""
-    return [plain.values | scored.values, core.fresh | scored.own]
+    own = effects(plain.values, plain.present)
+    return [plain.values | scored.values, core.fresh | own | scored.own]
 
 
 def _parameters(a: Attached) -> int:

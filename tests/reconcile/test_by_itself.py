@@ -110,16 +110,29 @@ def test_an_effect_has_to_show_in_each_part(unnamed: Answer, monkeypatch):
     assert ByItself(unnamed).answer is unnamed
 
 
-def test_nothing_is_asked_where_something_is_named_or_nothing_left(unnamed: Answer, monkeypatch):
-    (friction,) = (a for a in unnamed.core.candidates if a.key == FRICTION)
-    named = answering(unnamed.core, frozenset({friction}))
-    named.beam.points[frozenset({friction})] = ByItself(unnamed).points[friction]
-    assert unchanged(named)
+def test_nothing_is_asked_where_nothing_errs(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: 1.0)
     assert unchanged(unnamed)
     monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: 9.0)
     monkeypatch.setattr(by_itself, "fit", lambda *a: alone(unnamed.core)[0])  # none helps
     assert unchanged(unnamed)
+
+
+def test_beside_a_named_effect_there_are_hints_alone(unnamed: Answer):
+    (friction,) = ByItself(unnamed).answer.present
+    (stiffness,) = (a for a in unnamed.core.candidates if a.key == "stiffness@v")
+    for own, hint in ((friction, False), (stiffness, True)):
+        key = frozenset({own})
+        named = answering(unnamed.core, key)
+        named.beam.points[key] = ByItself(unnamed).points[own]
+        found = ByItself(named)
+        assert found.answer is named
+        assert found.said.endswith(" with coulomb_friction (v) beside that.") is hint
+
+
+def test_no_more_effects_are_tried_than_there_is_time_for(unnamed: Answer, monkeypatch):
+    monkeypatch.setattr(by_itself, "STEPS", 0.0)
+    assert ByItself(unnamed).points == {}
 
 
 def test_one_effect_in_two_places_is_said_with_its_places():
