@@ -94,7 +94,7 @@ class ByItself:
     def _fitted(self, plain: Point) -> Iterator[tuple[Attached, Point]]:
         """Effects with their fits, the likeliest first, as many as there is time for."""
         core, has = self.core, plain.present
-        others = [a for a in core.candidates if a not in has]
+        others = [a for a in core.candidates if _place(a) not in map(_place, has)]
         limit = core.kalman.done + STEPS
         for s in Screen(core, plain, self.given.beam.shapes).all(others, {})[:TRIED]:
             if core.kalman.done < limit and (point := fit(core, _starts(core, plain, s), (*has, s.attached))):
@@ -110,7 +110,7 @@ class ByItself:
         errs = {a: self._error(p) for a, p in self.points.items()}
         most = min(errs.values()) + ALIKE * self._without if errs else 0.0
         ranked = sorted((a for a in errs if errs[a] < most), key=lambda a: (_parameters(a), errs[a]))
-        return list({(a.effect.name, a.port): a for a in reversed(ranked)}.values())[::-1]
+        return list({_place(a): a for a in reversed(ranked)}.values())[::-1]
 
     def _in_each_part(self, a: Attached) -> bool:
         least, plain = 1.0 - LESS, self.plain
@@ -158,6 +158,11 @@ def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:
     """As the scores ask for it, and from the model as it came: a large effect bends the other parameters."""
     own = effects(plain.values, plain.present)
     return [plain.values | scored.values, core.fresh | own | scored.own]
+
+
+def _place(a: Attached) -> tuple[str, str]:
+    """An effect and its port, whatever its form."""
+    return a.effect.name, a.port
 
 
 def _parameters(a: Attached) -> int:
