@@ -36,7 +36,7 @@ NEAR, TOLD = (
     5.0,
 )  # error ahead below which a model is near enough for small effects; nats that they then gain
 OF_NATS = 0.02  # of the nats that all effects gain there: what gains less is a crumb
-ALONE = 0.8  # probability of what the output error alone tells: so often is it right on real recordings
+ALONE = 0.8  # probability of what the output error alone tells: no evidence gives it, and it is not SURE
 EXPLAINED = 0.5  # of the error ahead that an answer must take away where more than noise is left
 AT_FLOOR = 3.0  # times the noise: an error ahead below it is nothing unexplained
 STEP = 1e-4  # of a parameter's size: for slopes by differences, above rounding and below curvature
