@@ -149,7 +149,7 @@ class Judge:
         posterior, down_curves = self._by_effects(_simplest(self.beam))
         weights = Weights(self.beam, posterior)
         answer, down = self._earning(weights.first, weights.kinds)
-        if weights.doubted(answer) or answer != weights.first:
+        if weights.doubted(answer) or (answer and answer != weights.first):
             cleaned: dict[Key, float] = {}
             for k, p in weights.posterior.items():
                 kept = self._earning(k, weights.kinds)[0] if p > LEAST_SHOWN else k
