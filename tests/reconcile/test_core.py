@@ -10,7 +10,7 @@ from reconcile.catalogue import ALL
 from reconcile.equations.model import Folder
 from reconcile.filter.kalman import CREEP, NOISES, TAU
 from reconcile.filter.point import Free, standard_errors
-from reconcile.judging import mistaken
+from reconcile.judging import judge as judges, mistaken
 from reconcile.judging.judge import UNTRIED, Judge
 from reconcile.judging.readings import multiplied
 from reconcile.recordings.data import Run, Signal, split
@@ -243,6 +243,21 @@ def test_probabilities_are_probabilities_and_the_same_twice(friction: Beam):
     assert sum(p for _, p in judged.sets) <= 1.0 + 1e-9
     assert all(0.0 <= p <= 1.0 for p in [*judged.probability.values(), *judged.kinds.values()])
     assert judged.probability["coulomb_friction"] > 0.9
+
+
+def test_sets_lose_what_is_turned_down_and_a_kind_stays_sure_where_nothing_is_left(friction, monkeypatch):
+    key, own = fitted(friction, [FRICTION, "stiffness@v"]), fitted(friction, [FRICTION])
+    monkeypatch.setattr(judges, "_simplest", lambda beam: {key: 1.0})
+    monkeypatch.setattr(Judge, "_earning", lambda self, key, kinds: (own, []))
+    judged = Judge(friction).decide()
+    assert (judged.answer, judged.sets, judged.kinds) == (
+        own,
+        [(("coulomb_friction",), 1.0)],
+        {"friction": 1.0},
+    )
+    monkeypatch.setattr(Judge, "_earning", lambda self, key, kinds: (frozenset(), []))
+    judged = Judge(friction).decide()
+    assert (judged.answer, judged.kinds["friction"]) == (frozenset(), 1.0)
 
 
 @pytest.mark.parametrize(
