@@ -16,7 +16,16 @@ from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
 from reconcile.judging.answer import Answer
-from reconcile.judging.readings import Reading, asked, inputs, multiplied, relabelled, rescaled, turned
+from reconcile.judging.readings import (
+    Reading,
+    asked,
+    inputs,
+    multiplied,
+    relabelled,
+    rescaled,
+    turned,
+    unsigned,
+)
 from reconcile.recordings.data import Block, Parts
 from reconcile.search.alone import alone
 from reconcile.search.core import Core
@@ -138,9 +147,9 @@ def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Readin
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
     units = rescaled(core)
-    for reading in (*units, *relabelled(core)):
+    for reading in (*units, *relabelled(core), *unsigned(core)):
         error, whole, nats = _refitted(core, reading)
-        near = reading in units or nats < stated
+        near = reading in units or reading.signed or nats < stated
         if whole < enough and near and not _boundless(core, error, reading):
             yield error, nats, reading
 

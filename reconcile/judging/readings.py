@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TypeVar
 
+import numpy as np
+
 from reconcile.recordings.data import Block, Run, Signal
 from reconcile.search.core import Core
 from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
@@ -20,18 +22,19 @@ CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it 
 class Reading:
     """What channels (`ratios`) and the time (`clock`) are multiplied by; two channels that are exchanged.
 
-    `added`: to some channels, for a zero that is elsewhere.
+    `added`: to some channels, for a zero that is elsewhere.  `signed`: an input that takes an output's sign.
     """
 
     ratios: tuple[tuple[str, float], ...] = ()
     exchanged: tuple[str, ...] = ()
     clock: float = 1.0
     added: tuple[tuple[str, float], ...] = ()
+    signed: tuple[str, ...] = ()
 
     @property
     def again(self) -> "Reading":
         """The same ratios once more: where they leave as little error, no unit is told."""
-        return Reading(tuple((n, r**2) for n, r in self.ratios), self.exchanged, self.clock**2, self.added)
+        return replace(self, ratios=tuple((n, r**2) for n, r in self.ratios), clock=self.clock**2)
 
     def of(self, run: Run) -> Run:
         """The run as it is read so."""
@@ -39,6 +42,8 @@ class Reading:
         other = dict(zip(self.exchanged, reversed(self.exchanged), strict=True))
         if not set(other) <= set(both):
             other = {}
+        if set(self.signed) <= set(both) and self.signed:
+            both |= {self.signed[0]: _signed_as(*(both[n] for n in self.signed))}
 
         def read(names: Mapping[str, Signal]) -> dict[str, Signal]:
             taken = {n: both[other.get(n, n)] for n in names}
@@ -106,6 +111,24 @@ def relabelled(core: Core) -> list[Reading]:
     return [Reading(clock=ratio) for ratio in clocks] + others
 
 
+def unsigned(core: Core) -> list[Reading]:
+    """Inputs that never are negative, as duties that a driver logs, beside outputs that turn round."""
+    both_signs = [n for n in core.outputs if (y := _values(core, n)).min() < 0.0 < y.max()]
+    may = {v.name for v in core.model.inputs if v.min is None or v.min < 0.0}
+    one = [n for n in inputs(core) if n in may and _values(core, n).min() >= 0.0]
+    return [Reading(signed=(u, y)) for u in one for y in both_signs]
+
+
+def _values(core: Core, name: str) -> np.ndarray:
+    """All that was recorded of a channel."""
+    each = ({**r.inputs, **r.outputs}.get(name) for r in core.runs)
+    return np.concatenate([s.values for s in each if s is not None])
+
+
+def _signed_as(signal: Signal, other: Signal) -> Signal:
+    return replace(signal, values=signal.values * np.sign(np.interp(signal.time, other.time, other.values)))
+
+
 def inputs(core: Core) -> list[str]:
     """Inputs that are recorded."""
     return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
@@ -121,6 +144,9 @@ def asked(reading: Reading, core: Core, gains: str, names: Mapping[str, str]) ->
         return _exchanged(reading.exchanged, gains, theirs)
     if reading.clock != 1.0:
         return _clocked(reading.clock, gains, theirs)
+    if reading.signed:
+        u, y = (theirs.get(n, n) for n in reading.signed)
+        return f"column {u}: with the sign of {y}, {gains}; it has no negative values: write its sign into it"
     channels = [n for n, _ in reading.ratios or reading.added]
     both = " and ".join(theirs.get(n, n) for n in channels)
     stated = ", ".join(f"'{theirs.get(n, n)}' = '{n} [unit]'" for n in channels)

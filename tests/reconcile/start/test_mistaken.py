@@ -33,6 +33,9 @@ MODEL = Model(
     out=lambda x, u, m, p: {"position": x.q},
 )
 """
+SPEED = ROTARY.replace('Variable("position", "rad", "Angle")', 'Variable("speed", "rad/s", "Speed")').replace(
+    '{"position": x.q}', '{"speed": x.v}'
+)
 SWINGING = (
     ROTARY.replace('inputs=(Variable("torque", "N.m", "Torque"),)', "inputs=()")
     .replace("(u.torque - p.friction * x.v) / p.inertia", "-p.pull * sin(x.q) - p.friction * x.v")
@@ -223,6 +226,23 @@ def test_a_clock_in_another_unit_and_exchanged_columns_are_asked(
     said = mistaken.evident(core, names)
     assert said.startswith(asked)
     assert bool(said) == bool(asked)
+
+
+@pytest.mark.parametrize(("lost", "range_"), [(True, ""), (True, ", min=0"), (False, "")])
+def test_an_input_that_lost_its_sign_is_asked(tmp_path: Path, lost: bool, range_: str):
+    """As of a duty that a driver logs beside a direction; of what cannot be negative nothing is asked."""
+    text = SPEED.replace('"Torque")', f'"Torque"{range_})')
+    own = checks.open_folder(str(folder(tmp_path / "model", text)))
+    r = rig(rows=1600)
+    u = 0.4 * np.sin(0.8 * r["t"])
+    v = np.zeros_like(u)
+    for k in range(1, len(v)):
+        v[k] = v[k - 1] + 0.02 * (u[k - 1] - 0.2 * v[k - 1]) / 0.05
+    columns = {"time": r["t"], "rate [rad/s]": v, "M [N.m]": np.abs(u) if lost else u}
+    names = {"rate": "speed [rad/s]", "M": "torque [N.m]"}
+    core = Core(own, split(read_run(table(tmp_path / "a.csv", columns), own, names), (), ()))
+    said = mistaken.evident(core, names)
+    assert said.startswith("column M: with the sign of rate") is (lost and not range_)
 
 
 def test_what_settles_a_question_about_columns_is_said_in_the_recordings_words():
