@@ -40,6 +40,10 @@ class BusProcess:
         self._nodes: dict[socket.socket, Node | None] = {}  # None: has not said who it is
         self._lost: dict[Node, int] = {}
         self.running = True
+        # a signal that comes just before the wait would be seen after it only, which may be never
+        self._signalled, self._on_signal = socket.socketpair()
+        self._on_signal.setblocking(False)
+        signal.set_wakeup_fd(self._on_signal.fileno())
 
     def run(self) -> None:
         """Serve until told to stop."""
@@ -51,10 +55,13 @@ class BusProcess:
         event = self.wire.next_event()
         wait = None if event is None else max(0, event - time.monotonic_ns()) / 1e9
         full = {s for s, n in self._nodes.items() if n and len(n.queue) >= BACKLOG}
-        ready, _, _ = select.select([self._listener, *(self._nodes.keys() - full)], [], [], wait)
+        waited = [self._listener, self._signalled, *(self._nodes.keys() - full)]
+        ready, _, _ = select.select(waited, [], [], wait)
         for found in ready:
             if found is self._listener:
                 self._accept()
+            elif found is self._signalled:
+                self.running = False
             else:
                 self._read(found)
         self._deliver(self.wire.advance(time.monotonic_ns()))
@@ -149,7 +156,8 @@ class BusProcess:
 
     def close(self) -> None:
         """End all connections."""
-        for connection in (self._listener, *self._nodes):
+        signal.set_wakeup_fd(-1)
+        for connection in (self._listener, self._signalled, self._on_signal, *self._nodes):
             connection.close()
         self.path.unlink(missing_ok=True)
 

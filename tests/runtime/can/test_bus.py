@@ -14,13 +14,13 @@ import can
 import pytest
 
 from runtime.can.batch import Batch
-from runtime.can.busd import ask, start_bus
+from runtime.can.busd import BusProcess, ask, start_bus
 from runtime.can.codec import codecs
 from runtime.can.localbus import LocalBus
 from runtime.can.native import NativePort
 from runtime.can.port import FRAMES_A_TICK, CanPort, open_bus
 from runtime.can.transmit import Transmitter
-from runtime.can.wire import BUS_OFF, ERROR, EXTENDED, RESTARTED
+from runtime.can.wire import BUS_OFF, ERROR, EXTENDED, RESTARTED, Wire
 from runtime.image import INPUT, OUTPUT, Flag, Status
 from runtime.shared import private_folder
 from specs.errors import InputError
@@ -304,3 +304,16 @@ def test_a_bus_that_comes_back_is_joined_again(kind: Callable[[LocalBus], Any]) 
     first.wait(10)
     path.unlink(missing_ok=True)
     path.parent.rmdir()
+
+
+def test_a_signal_that_comes_just_before_the_wait_ends_it(tmp_path: Path):
+    """Its handler has run by then, and nothing else may ever happen on the bus."""
+    before = signals.signal(signals.SIGUSR1, lambda *_: None)
+    bus = BusProcess(tmp_path / "bus", Wire(0))
+    try:
+        signals.raise_signal(signals.SIGUSR1)
+        bus.run()
+    finally:
+        bus.close()
+        signals.signal(signals.SIGUSR1, before)
+    assert not bus.running
