@@ -24,11 +24,11 @@ def whole(found: Findings) -> list[Stretch]:
     effects, and with those of the answer.
     """
     core = found.core
-    record = max(core.records, key=lambda r: float(np.ptp(r.time)))
+    at = max(range(len(core.records)), key=lambda k: float(np.ptp(core.records[k].time)))
+    record = core.records[at]
     time, length = record.time, float(np.ptp(record.time))
     begun = int(np.searchsorted(time, time[0] + min(horizon_s(core), BEGUN * length)))
     windows = [((r.time >= time[begun]) & (r is record)).astype(int) for r in core.records]
-    at = core.records.index(record)
     free: dict[str, Filtered] = {}
     for stage, p in _points(found).items():
         if run := core.kalman.run(p.values, p.present, windows=windows, own=True):
@@ -36,7 +36,7 @@ def whole(found: Findings) -> list[Stretch]:
     if not free:
         return []
     drawn = slice(begun, None, 1 + (len(time) - begun) // MOST)
-    outputs = [_course(found, n, time[drawn], drawn, free) for n in found.outputs]
+    outputs = [_course(found, n, time[drawn], drawn, free) for n in found.outputs if n in record.run.outputs]
     span = float(time[begun]), float(time[-1])
     return [Stretch(record.run.name, *span, span[0], outputs, inputs(core, record.run, *span))]
 

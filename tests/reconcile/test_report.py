@@ -210,6 +210,18 @@ def test_the_page_draws_what_was_held_out_and_the_residual(page, figures):
     assert any(a <= first and last <= b for a, b in blocks)
 
 
+def test_the_longest_recording_is_drawn_as_the_model_by_itself_has_it(friction: Findings, page: str):
+    (drawn,) = shown(friction).whole
+    longest = max(friction.core.records, key=lambda r: float(np.ptp(r.time)))
+    assert (drawn.run, drawn.end_s) == (longest.run.name, float(longest.time[-1]))
+    assert drawn.start_s - longest.time[0] < 0.11 * np.ptp(longest.time)
+    assert [c.name for c in drawn.inputs] == ["force"]
+    for c in drawn.outputs:
+        errors = {s: float(np.std(c.measured - y)) for s, y in c.predicted.items()}
+        assert errors["after"] < 0.2 * errors["reestimated"] < 0.21 * errors["nominal"]
+    assert "The model by itself, fitted by its output error" in page
+
+
 def test_the_named_effect_is_drawn_through_the_missing_force(friction):
     (force,) = missing(friction.core, friction.answer.base, friction.answer.point)
     assert force.after is not None and force.effect is not None  # noqa: PT018
