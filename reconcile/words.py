@@ -70,7 +70,7 @@ def either(sets: Iterable[Iterable[tuple[str, str]]], what: str = "model") -> st
     if not common:
         return f"{lacks} {doubtful}: {which}."
     if not doubtful:  # the same effects in other places
-        return f"{lacks} {', or '.join(map(_with_ports, rows))}: {which}."
+        return f"{lacks} {', or '.join(map(with_ports, rows))}: {which}."
     if not all(rest):
         return f"{lacks} {sure}, and perhaps {doubtful}."
     return f"{lacks} {sure}, and besides {doubtful}: {which}."
@@ -79,11 +79,12 @@ def either(sets: Iterable[Iterable[tuple[str, str]]], what: str = "model") -> st
 def _apart(sets: list[list[tuple[str, str]]]) -> list[str]:
     """Sets in words, those of the same names with their ports."""
     texts = [together(one) for one in sets]
-    return [_with_ports(s) if texts.count(t) > 1 else t for s, t in zip(sets, texts, strict=True)]
+    return [with_ports(s) if texts.count(t) > 1 else t for s, t in zip(sets, texts, strict=True)]
 
 
-def _with_ports(effects: Iterable[tuple[str, str]]) -> str:
-    return listed([f"{name} ({port})" for name, port in effects])
+def with_ports(effects: Iterable[tuple[str, str]], last: str = "and") -> str:
+    """Effects given as (name, port), each with its port."""
+    return listed([f"{name} ({port})" for name, port in effects], last)
 
 
 def together(effects: Iterable[tuple[str, str]]) -> str:

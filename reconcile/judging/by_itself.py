@@ -53,14 +53,14 @@ class ByItself:
 
         What the likelihood has all but told, a kind or that noise alone is left, is its own answer.
         """
-        if self.given.present or not self._left or self.given.judged.sure_kind:
+        if self.plain is None or self.given.present or not self._left or self.given.judged.sure_kind:
             return self.given
         enough = (1.0 - TOLD) * self._without
         simple = [a for a in self._alike if _parameters(a) <= MOST]
-        alike = [a for a in simple if self._error(self.points[a]) < enough and self._in_each_part(a)]
+        alike = [a for a in simple if self._errs[a] < enough and self._in_each_part(a, self.plain)]
         simplest = min(map(_parameters, alike), default=0)
         keys = [frozenset({a}) for a in alike if _parameters(a) == simplest][:DECLARED]
-        return self._with(keys) if keys else self.given
+        return self._with(keys, self.plain) if keys else self.given
 
     @property
     def said(self) -> str:
@@ -69,14 +69,14 @@ class ByItself:
             return ""
         told = self.answer.present if self.answer.judged.alone else ()
         found = told or tuple(self._alike[:SHOWN])
-        least = min(self._error(self.points[a]) for a in found)
+        least = min(self._errs[a] for a in found)
         if least > (1.0 - LESS) * self._without:
             whole = f"the model errs by {words.percent(self._without)} of the outputs' motion"
             return "" if self._left else f"By itself, from the beginning of a recording on, {whole}."
         errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
         if told:
             return f"That rests on the model by itself, without any disturbance: {errs} then."
-        names = words.listed([f"{a.effect.name} ({a.port})" for a in found], "or")
+        names = words.with_ports(map(_place, found), "or")
         beside = " beside that" if self.given.present else ""
         return f"A hint: by itself, without any disturbance, {errs} with {names}{beside}."
 
@@ -105,18 +105,21 @@ class ByItself:
         return self._error(self.plain) if self.plain else 0.0
 
     @cached_property
+    def _errs(self) -> dict[Attached, float]:
+        """Error with each effect."""
+        return {a: self._error(p) for a, p in self.points.items()}
+
+    @cached_property
     def _alike(self) -> list[Attached]:
         """Effects that explain as much as the best one, the simplest first, each in its simplest form."""
-        errs = {a: self._error(p) for a, p in self.points.items()}
+        errs = self._errs
         most = min(errs.values()) + ALIKE * self._without if errs else 0.0
         ranked = sorted((a for a in errs if errs[a] < most), key=lambda a: (_parameters(a), errs[a]))
         return list({_place(a): a for a in reversed(ranked)}.values())[::-1]
 
-    def _in_each_part(self, a: Attached) -> bool:
-        least, plain = 1.0 - LESS, self.plain
-        return plain is not None and all(
-            self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS
-        )
+    def _in_each_part(self, a: Attached, plain: Point) -> bool:
+        least = 1.0 - LESS
+        return all(self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS)
 
     def _error(self, point: Point, parts: Sequence[str] = PARTS) -> float:
         """Error ahead (rms), noise and all, in spreads of the outputs."""
@@ -124,10 +127,10 @@ class ByItself:
         squares, _, count = rows.sum(axis=0)
         return float(np.sqrt(squares / max(count, 1.0)))
 
-    def _with(self, keys: Sequence[Key]) -> Answer:
+    def _with(self, keys: Sequence[Key], plain: Point) -> Answer:
         """An answer among sets that are as likely; all of its points are fitted by the output error."""
         beam: Beam = copy(self.given.beam)
-        beam.points = {frozenset(): alone(self.core)[0]} | {k: self.points[a] for k in keys for a in k}
+        beam.points = {frozenset(): plain} | {k: self.points[a] for k in keys for a in k}
         chance, names, kinds = ALONE / len(keys), dict[str, float](), dict[str, float]()
         for a in (a for k in keys for a in k):
             names[a.effect.name] = names.get(a.effect.name, 0.0) + chance
@@ -141,15 +144,15 @@ class ByItself:
                 names,
                 kinds,
                 [((n,), p) for n, p in names.items()],
-                {a: self._gain(a) for a in keys[0]},
+                {a: self._gain(a, plain) for a in keys[0]},
                 (),
                 posterior=dict.fromkeys(keys, chance),
                 alone=True,
             ),
         )
 
-    def _gain(self, a: Attached) -> tuple[float, float]:
-        plain, point = alone(self.core)[0], self.points[a]
+    def _gain(self, a: Attached, plain: Point) -> tuple[float, float]:
+        point = self.points[a]
         left = self._error(point, ["confirm"]) / self._error(plain, ["confirm"])
         return 2.0 * (plain.loss - point.loss), 1.0 - left
 

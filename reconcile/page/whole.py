@@ -48,9 +48,10 @@ def _points(found: Findings) -> dict[str, Point]:
         return {}
     plain = alone(core)[0]
     points = {"nominal": core.nominal(plain), "reestimated": plain}
-    if answer.present and (own := fit(core, [answer.point.values], answer.present)):
-        points["after"] = own
-    return points
+    if not answer.present:
+        return points
+    own = answer.point if answer.by_itself else fit(core, [answer.point.values], answer.present)
+    return points | ({"after": own} if own else {})
 
 
 def _course(
