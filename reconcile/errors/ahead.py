@@ -88,9 +88,11 @@ def beyond_noise(core: Core, point: Point) -> float:
     return float(np.sqrt(max(squares(core, point)[0] / own - 1.0, 0.0)))
 
 
-def beyond_sensors(core: Core, point: Point) -> float:
+def beyond_sensors(core: Core, point: Point, parts: Sequence[str] = ("confirm",)) -> float:
     """Error ahead but the sensors' own noise, in spreads of the outputs (rms)."""
-    return float(np.sqrt(max(squares(core, point)[0] - _sensors(core, point), 0.0)))
+    rows = np.vstack([by_stretch(core, point, w) for w in parts])
+    errors, _, count = rows.sum(axis=0)
+    return float(np.sqrt(max(errors / max(count, 1.0) - _sensors(core, point), 0.0)))
 
 
 def _sensors(core: Core, point: Point) -> float:

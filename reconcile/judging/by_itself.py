@@ -8,12 +8,10 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
-import numpy as np
-
 from reconcile import words
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import beyond_noise, by_stretch
+from reconcile.errors.ahead import beyond_noise, beyond_sensors
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
@@ -23,11 +21,12 @@ from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.screen import Scored, Screen
 from reconcile.search.sets import Key, effects
-from reconcile.tolerances import ALONE, AT_FLOOR
+from reconcile.tolerances import ALONE, AT_FLOOR, NEAR
 
 TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
 MOST = 2  # parameters of an effect that is told so: with more of them, one imitates others
 STEPS = 1e7  # of the filter, after which no more effects are tried: about ten core seconds
+ERRS = 1.0  # times the noise, from which the model by itself errs
 TOLD = 2.0 / 3.0  # of the error, that an answer takes away: real recordings err by more than one thing
 LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
 ALIKE = 0.1  # of the error without effects, within which effects explain as much
@@ -44,7 +43,7 @@ class ByItself:
         self.given, self.core = given, given.core
         self.points: dict[Attached, Point] = {}
         self.plain = self._plain()
-        if self.plain and not given.curves and (self._left or beyond_noise(self.core, self.plain) > AT_FLOOR):
+        if self.plain and not given.curves and (self._left or self._errs_alone(self.plain)):
             self.points = dict(self._fitted(self.plain))
 
     @cached_property
@@ -53,7 +52,7 @@ class ByItself:
 
         What the likelihood has all but told, a kind or that noise alone is left, is its own answer.
         """
-        if self.plain is None or self.given.present or not self._left or self.given.judged.sure_kind:
+        if self.plain is None or not self.points or self.given.present or self.given.judged.sure_kind:
             return self.given
         enough = (1.0 - TOLD) * self._without
         simple = [a for a in self._alike if _parameters(a) <= MOST]
@@ -84,6 +83,10 @@ class ByItself:
     def _left(self) -> bool:
         """Whether more than noise is left of the answer that was given."""
         return beyond_noise(self.core, self.given.point) > AT_FLOOR
+
+    def _errs_alone(self, plain: Point) -> bool:
+        """Whether the model by itself errs, though a moment ahead it may not."""
+        return beyond_noise(self.core, plain) > ERRS and beyond_sensors(self.core, plain) > NEAR
 
     def _plain(self) -> Point | None:
         """The model by itself, with the effects of the answer that was given."""
@@ -122,10 +125,8 @@ class ByItself:
         return all(self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS)
 
     def _error(self, point: Point, parts: Sequence[str] = PARTS) -> float:
-        """Error ahead (rms), noise and all, in spreads of the outputs."""
-        rows = np.vstack([by_stretch(self.core, point, w) for w in parts])
-        squares, _, count = rows.sum(axis=0)
-        return float(np.sqrt(squares / max(count, 1.0)))
+        """Error ahead above the noise (rms), in spreads of the outputs."""
+        return beyond_sensors(self.core, point, parts)
 
     def _with(self, keys: Sequence[Key], plain: Point) -> Answer:
         """An answer among sets that are as likely; all of its points are fitted by the output error."""

@@ -88,16 +88,20 @@ def test_what_explains_less_or_less_than_the_likelihood_knows_is_a_hint(unnamed:
     assert found.said.endswith(" with coulomb_friction (v).")
 
 
-def test_where_the_likelihood_sees_nothing_the_error_of_the_model_by_itself_is_said(
-    unnamed: Answer, monkeypatch
-):
+def test_where_the_likelihood_sees_nothing_the_model_by_itself_is_asked_too(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(ByItself, "_left", False)
-    assert ByItself(unnamed).answer is unnamed
-    assert ByItself(unnamed).said.endswith(" with coulomb_friction (v).")
+    assert [a.key for a in ByItself(unnamed).answer.present] == [FRICTION]
     monkeypatch.setattr(by_itself, "fit", lambda *a: alone(unnamed.core)[0])  # none helps
-    assert ByItself(unnamed).said.startswith(
-        "By itself, from the beginning of a recording on, the model errs"
-    )
+    found = ByItself(unnamed)
+    assert found.answer is unnamed
+    assert found.said.startswith("By itself, from the beginning of a recording on, the model errs")
+
+
+@pytest.mark.parametrize("far_off", ["ERRS", "NEAR"])
+def test_a_model_that_is_near_by_itself_is_not_asked(unnamed: Answer, monkeypatch, far_off):
+    monkeypatch.setattr(ByItself, "_left", False)
+    monkeypatch.setattr(by_itself, far_off, 1e6)
+    assert unchanged(unnamed)
 
 
 def test_an_effect_has_to_show_in_each_part(unnamed: Answer, monkeypatch):
