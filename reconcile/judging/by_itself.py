@@ -4,7 +4,8 @@ A large disturbance may do the work of an effect, and the likelihood then says n
 error the model does.  What lasts is no noise: how probable such an answer is, no evidence says.
 """
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -24,7 +25,8 @@ from reconcile.search.sets import Key, effects
 from reconcile.tolerances import ALONE, AT_FLOOR, NEAR
 
 TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
-MOST = 2  # parameters of an effect that is told so: with more of them, one imitates others
+FIRST, SECOND = 3, 5  # of pairs: the first effects, and the second ones tried beside each of these
+MOST = 2  # parameters of what is told so: with more of them, one effect imitates others
 STEPS = 1e7  # of the filter, after which no more effects are tried: about ten core seconds
 ERRS = 1.0  # times the noise, from which the model by itself errs
 TOLD = 2.0 / 3.0  # of the error, that an answer takes away: real recordings err by more than one thing
@@ -36,15 +38,17 @@ PARTS = ("fit", "confirm")  # what is not held out
 class ByItself:
     """Single effects beside those of an answer, fitted by the output error; none where nothing errs.
 
-    Nor are there any beside a curve: it stands for what no effect has the form of.
+    Nor are there any beside a curve: it stands for what no effect has the form of.  `points`: the fits by
+    what is added to the answer, with pairs where these were tried.
     """
 
     def __init__(self, given: Answer):
         self.given, self.core = given, given.core
-        self.points: dict[Attached, Point] = {}
+        self.points: dict[Key, Point] = {}
+        self._errs: dict[Key, float] = {}
         self.plain = self._plain()
         if self.plain and not given.curves and (self._left or self._errs_alone(self.plain)):
-            self.points = dict(self._fitted(self.plain))
+            self.points = dict(self._fitted(self.plain, TRIED))
 
     @cached_property
     def answer(self) -> Answer:
@@ -54,28 +58,27 @@ class ByItself:
         """
         if self.plain is None or not self.points or self.given.present or self.given.judged.sure_kind:
             return self.given
-        enough = (1.0 - TOLD) * self._without
-        simple = [a for a in self._alike if _parameters(a) <= MOST]
-        alike = [a for a in simple if self._errs[a] < enough and self._in_each_part(a, self.plain)]
-        simplest = min(map(_parameters, alike), default=0)
-        keys = [frozenset({a}) for a in alike if _parameters(a) == simplest][:DECLARED]
-        return self._with(keys, self.plain) if keys else self.given
+        keys = self._telling()
+        if keys and _parameters(keys[0]) == MOST:
+            self.points |= dict(self._pairs())
+            keys = self._telling() or keys
+        return self._with(keys[:DECLARED], self.plain) if keys else self.given
 
     @property
     def said(self) -> str:
         """A sentence on it, or a hint; "" without."""
         if not self.points:
             return ""
-        told = self.answer.present if self.answer.judged.alone else ()
-        found = told or tuple(self._alike[:SHOWN])
-        least = min(self._errs[a] for a in found)
+        told = self.answer.judged.alone
+        found = [self.answer.judged.answer] if told else self._alike()[:SHOWN]
+        least = min(map(self._err, found))
         if least > (1.0 - LESS) * self._without:
             whole = f"the model errs by {words.percent(self._without)} of the outputs' motion"
             return "" if self._left else f"By itself, from the beginning of a recording on, {whole}."
         errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
         if told:
             return f"That rests on the model by itself, without any disturbance: {errs} then."
-        names = words.with_ports(map(_place, found), "or")
+        names = words.with_ports((_place(a) for key in found for a in key), "or")
         beside = " beside that" if self.given.present else ""
         return f"A hint: by itself, without any disturbance, {errs} with {names}{beside}."
 
@@ -94,35 +97,54 @@ class ByItself:
             return next(iter(alone(self.core)), None)
         return fit(self.core, [self.given.point.values], self.given.present)
 
-    def _fitted(self, plain: Point) -> Iterator[tuple[Attached, Point]]:
-        """Effects with their fits, the likeliest first, as many as there is time for."""
+    def _fitted(
+        self, plain: Point, most: int, may: Callable[[Attached], bool] = lambda _: True
+    ) -> Iterator[tuple[Key, Point]]:
+        """What is added to the answer with its fits, the likeliest first, as many as there is time for.
+
+        That are the effects of `plain` that the answer has not, and one that may be beside them.
+        """
         core, has = self.core, plain.present
-        others = [a for a in core.candidates if _place(a) not in map(_place, has)]
+        others = [a for a in core.candidates if may(a) and _place(a) not in map(_place, has)]
         limit = core.kalman.done + STEPS
-        for s in Screen(core, plain, self.given.beam.shapes).all(others, {})[:TRIED]:
+        for s in Screen(core, plain, self.given.beam.shapes).all(others, {})[:most]:
             if core.kalman.done < limit and (point := fit(core, _starts(core, plain, s), (*has, s.attached))):
-                yield s.attached, point
+                yield frozenset({*has, s.attached}) - {*self.given.present}, point
+
+    def _pairs(self) -> Iterator[tuple[Key, Point]]:
+        """Pairs of effects of one parameter each: what one effect of two imitates may be two."""
+        singles = sorted((k for k in self.points if _parameters(k) == 1), key=self._err)
+        for key in singles[:FIRST]:
+            yield from self._fitted(self.points[key], SECOND, lambda a: len(a.effect.parameters) == 1)
 
     @cached_property
     def _without(self) -> float:
         return self._error(self.plain) if self.plain else 0.0
 
-    @cached_property
-    def _errs(self) -> dict[Attached, float]:
-        """Error with each effect."""
-        return {a: self._error(p) for a, p in self.points.items()}
+    def _err(self, key: Key) -> float:
+        """Error with what is added, kept."""
+        if key not in self._errs:
+            self._errs[key] = self._error(self.points[key])
+        return self._errs[key]
 
-    @cached_property
-    def _alike(self) -> list[Attached]:
-        """Effects that explain as much as the best one, the simplest first, each in its simplest form."""
-        errs = self._errs
-        most = min(errs.values()) + ALIKE * self._without if errs else 0.0
-        ranked = sorted((a for a in errs if errs[a] < most), key=lambda a: (_parameters(a), errs[a]))
-        return list({_place(a): a for a in reversed(ranked)}.values())[::-1]
+    def _alike(self) -> list[Key]:
+        """What explains as much as the best one, the simplest first, each in its simplest form."""
+        most = min(map(self._err, self.points), default=0.0) + ALIKE * self._without
+        ranked = sorted(
+            (k for k in self.points if self._err(k) < most), key=lambda k: (_parameters(k), self._err(k))
+        )
+        return list({frozenset(map(_place, k)): k for k in reversed(ranked)}.values())[::-1]
 
-    def _in_each_part(self, a: Attached, plain: Point) -> bool:
-        least = 1.0 - LESS
-        return all(self._error(self.points[a], [w]) < least * self._error(plain, [w]) for w in PARTS)
+    def _telling(self) -> list[Key]:
+        """The simplest of these that take most of the error away, and some of it in each part."""
+        enough = (1.0 - TOLD) * self._without
+        told = [k for k in self._alike() if _parameters(k) <= MOST and self._err(k) < enough]
+        told = [k for k in told if self._in_each_part(self.points[k])]
+        return [k for k in told if _parameters(k) == _parameters(told[0])]
+
+    def _in_each_part(self, point: Point) -> bool:
+        plain, least = self.plain or point, 1.0 - LESS
+        return all(self._error(point, [w]) < least * self._error(plain, [w]) for w in PARTS)
 
     def _error(self, point: Point, parts: Sequence[str] = PARTS) -> float:
         """Error ahead above the noise (rms), in spreads of the outputs."""
@@ -131,31 +153,32 @@ class ByItself:
     def _with(self, keys: Sequence[Key], plain: Point) -> Answer:
         """An answer among sets that are as likely; all of its points are fitted by the output error."""
         beam: Beam = copy(self.given.beam)
-        beam.points = {frozenset(): plain} | {k: self.points[a] for k in keys for a in k}
-        chance, names, kinds = ALONE / len(keys), dict[str, float](), dict[str, float]()
-        for a in (a for k in keys for a in k):
-            names[a.effect.name] = names.get(a.effect.name, 0.0) + chance
-            kinds[kind(a.effect.name)] = kinds.get(kind(a.effect.name), 0.0) + chance
+        beam.points = {frozenset(): plain} | {k: self.points[k] for k in keys}
+        chance = ALONE / len(keys)
+        sets = Counter(tuple(sorted({a.effect.name for a in k})) for k in keys)
+        names = Counter(n for own in sets.elements() for n in own)
+        kinds = Counter(k for own in sets.elements() for k in set(map(kind, own)))
         return Answer(
             self.core,
             beam,
             Judged(
                 keys[0],
                 tuple(keys[1:]),
-                names,
-                kinds,
-                [((n,), p) for n, p in names.items()],
-                {a: self._gain(a, plain) for a in keys[0]},
+                {n: chance * times for n, times in names.items()},
+                {k: chance * times for k, times in kinds.items()},
+                [(own, chance * times) for own, times in sets.items()],
+                {a: self._gain(keys[0], a, plain) for a in keys[0]},
                 (),
                 posterior=dict.fromkeys(keys, chance),
                 alone=True,
             ),
         )
 
-    def _gain(self, a: Attached, plain: Point) -> tuple[float, float]:
-        point = self.points[a]
-        left = self._error(point, ["confirm"]) / self._error(plain, ["confirm"])
-        return 2.0 * (plain.loss - point.loss), 1.0 - left
+    def _gain(self, key: Key, a: Attached, plain: Point) -> tuple[float, float]:
+        """Nats that an effect gains, and the share of the error left without it that it takes away."""
+        point, less = self.points[key], self.points.get(key - {a}, plain)
+        left = self._error(point, ["confirm"]) / self._error(less, ["confirm"])
+        return 2.0 * (less.loss - point.loss), 1.0 - left
 
 
 def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:
@@ -169,5 +192,5 @@ def _place(a: Attached) -> tuple[str, str]:
     return a.effect.name, a.port
 
 
-def _parameters(a: Attached) -> int:
-    return len(a.effect.parameters)
+def _parameters(key: Key) -> int:
+    return sum(len(a.effect.parameters) for a in key)

@@ -128,10 +128,24 @@ def test_beside_a_named_effect_there_are_hints_alone(unnamed: Answer):
     for own, hint in ((friction, False), (stiffness, True)):
         key = frozenset({own})
         named = answering(unnamed.core, key)
-        named.beam.points[key] = ByItself(unnamed).points[own]
+        named.beam.points[key] = ByItself(unnamed).points[key]
         found = ByItself(named)
         assert found.answer is named
         assert found.said.endswith(" with coulomb_friction (v) beside that.") is hint
+
+
+def test_two_simple_effects_are_told_beside_one_that_is_as_simple():
+    """Dry friction and a load are friction that differs by direction: all have two parameters."""
+    truth = Truth(static=(1.5, 0.1), kinetic=lambda v: 0.8 * np.sign(v) + 0.7)
+    lacks = "asymmetric_coulomb_friction", "coulomb_friction", "constant_load"
+    given = answering(cored(recorded(truth, seconds=12.0), *(f"{n}@v" for n in lacks)), frozenset())
+    answer = ByItself(given).answer
+    sets = {tuple(sorted(a.effect.name for a in k)) for k in (answer.judged.answer, *answer.alternatives)}
+    assert sets == {lacks[:1], ("constant_load", "coulomb_friction")}
+    assert answer.judged.probability == pytest.approx(dict.fromkeys(lacks, ALONE / 2.0))
+    assert answer.judged.kinds == pytest.approx({"friction": ALONE, "load": ALONE / 2.0})
+    assert dict(answer.judged.sets) == pytest.approx(dict.fromkeys(sets, ALONE / 2.0))
+    assert all(gained > 0.0 and less > 0.5 for gained, less in answer.judged.gains.values())
 
 
 def test_no_more_effects_are_tried_than_there_is_time_for(unnamed: Answer, monkeypatch):
