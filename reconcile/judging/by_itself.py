@@ -5,7 +5,7 @@ error the model does.  What lasts is no noise: how probable such an answer is, n
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -21,15 +21,17 @@ from reconcile.search.alone import alone, fit
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.screen import Scored, Screen
-from reconcile.search.sets import Key, effects
-from reconcile.tolerances import ALONE, AT_FLOOR, NEAR
+from reconcile.search.sets import Key, curved, effects
+from reconcile.tolerances import ALONE, AT_FLOOR, EXPLAINED, NEAR
 
-TRIED, DECLARED, SHOWN = 12, 4, 3  # effects that are fitted, those of an answer, and of a hint
+TRIED, DECLARED, SHOWN = 20, 4, 3  # effects that are fitted, those of an answer, and of a hint
+LIKELY = 4  # of the sets that the likelihood prefers
 FIRST, SECOND = 3, 5  # of pairs: the first effects, and the second ones tried beside each of these
-MOST = 2  # parameters of what is told so: with more of them, one effect imitates others
 STEPS = 1e7  # of the filter, after which no more effects are tried: about ten core seconds
 ERRS = 1.0  # times the noise, from which the model by itself errs
-TOLD = 2.0 / 3.0  # of the error, that an answer takes away: real recordings err by more than one thing
+# of the error, that an answer takes away, by its parameters: with more of them one effect imitates others,
+# and real recordings err by more than one thing
+TOLD = {1: 2.0 / 3.0, 2: 2.0 / 3.0, 3: 5.0 / 6.0}
 LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
 ALIKE = 0.1  # of the error without effects, within which effects explain as much
 PARTS = ("fit", "confirm")  # what is not held out
@@ -54,14 +56,20 @@ class ByItself:
     def answer(self) -> Answer:
         """The answer as it was given, or with effects that take most of the error of the model by itself.
 
-        What the likelihood has all but told, a kind or that noise alone is left, is its own answer.
+        Of a kind that the likelihood is sure of, sets alone are told that it prefers itself.
         """
-        if self.plain is None or not self.points or self.given.present or self.given.judged.sure_kind:
+        sure = self.given.judged.sure_kind
+        if self.plain is None or not self.points or self.given.present or (sure and self._left):
             return self.given
-        keys = self._telling()
-        if keys and _parameters(keys[0]) == MOST:
+        likely = dict(self._likely())
+        self.points |= likely
+        # half is enough where otherwise nothing would be said to be left
+        keys = self._telling(() if self._left else likely)
+        if sure:
+            keys = [k for k in keys if k in likely and sure in {kind(a.effect.name) for a in k}]
+        elif keys and _parameters(keys[0]) > 1:
             self.points |= dict(self._pairs())
-            keys = self._telling() or keys
+            keys = self._telling(() if self._left else likely) or keys
         return self._with(keys[:DECLARED], self.plain) if keys else self.given
 
     @property
@@ -70,7 +78,8 @@ class ByItself:
         if not self.points:
             return ""
         told = self.answer.judged.alone
-        found = [self.answer.judged.answer] if told else self._alike()[:SHOWN]
+        singles = [k for k in self.points if len(k) == 1]
+        found = [self.answer.judged.answer] if told else self._alike(singles)[:SHOWN]
         least = min(map(self._err, found))
         if least > (1.0 - LESS) * self._without:
             whole = f"the model errs by {words.percent(self._without)} of the outputs' motion"
@@ -89,7 +98,7 @@ class ByItself:
 
     def _errs_alone(self, plain: Point) -> bool:
         """Whether the model by itself errs, though a moment ahead it may not."""
-        return beyond_noise(self.core, plain) > ERRS and beyond_sensors(self.core, plain) > NEAR
+        return beyond_noise(self.core, plain) > ERRS and self._error(plain) > NEAR
 
     def _plain(self) -> Point | None:
         """The model by itself, with the effects of the answer that was given."""
@@ -111,6 +120,14 @@ class ByItself:
             if core.kalman.done < limit and (point := fit(core, _starts(core, plain, s), (*has, s.attached))):
                 yield frozenset({*has, s.attached}) - {*self.given.present}, point
 
+    def _likely(self) -> Iterator[tuple[Key, Point]]:
+        """Sets that the likelihood prefers, though ahead they take little away: here they may prove right."""
+        prefers = {k: p for k, p in self.given.judged.posterior.items() if len(k) > 1 and not curved(k)}
+        for key in sorted(prefers, key=lambda k: -prefers[k])[:LIKELY]:
+            by_likelihood = self.given.beam.points[key]
+            if point := fit(self.core, [by_likelihood.values], by_likelihood.present):
+                yield key, point
+
     def _pairs(self) -> Iterator[tuple[Key, Point]]:
         """Pairs of effects of one parameter each: what one effect of two imitates may be two."""
         singles = sorted((k for k in self.points if _parameters(k) == 1), key=self._err)
@@ -127,18 +144,21 @@ class ByItself:
             self._errs[key] = self._error(self.points[key])
         return self._errs[key]
 
-    def _alike(self) -> list[Key]:
-        """What explains as much as the best one, the simplest first, each in its simplest form."""
-        most = min(map(self._err, self.points), default=0.0) + ALIKE * self._without
-        ranked = sorted(
-            (k for k in self.points if self._err(k) < most), key=lambda k: (_parameters(k), self._err(k))
-        )
+    def _alike(self, keys: Collection[Key]) -> list[Key]:
+        """Which of these explain as much as the best one, the simplest first, each in its simplest form."""
+        most = min(map(self._err, keys), default=0.0) + ALIKE * self._without
+        near = [k for k in keys if self._err(k) < most]
+        ranked = sorted(near, key=lambda k: (_parameters(k), self._err(k)))
         return list({frozenset(map(_place, k)): k for k in reversed(ranked)}.values())[::-1]
 
-    def _telling(self) -> list[Key]:
-        """The simplest of these that take most of the error away, and some of it in each part."""
-        enough = (1.0 - TOLD) * self._without
-        told = [k for k in self._alike() if _parameters(k) <= MOST and self._err(k) < enough]
+    def _telling(self, likely: Container[Key]) -> list[Key]:
+        """The simplest of these that take most of the error away, and some of it in each part.
+
+        Half of it is enough of what is `likely`.
+        """
+        alike = self._alike(self.points)
+        most = {k: EXPLAINED if k in likely else TOLD.get(_parameters(k), 1.0) for k in alike}
+        told = [k for k in most if self._err(k) < (1.0 - most[k]) * self._without]
         told = [k for k in told if self._in_each_part(self.points[k])]
         return [k for k in told if _parameters(k) == _parameters(told[0])]
 

@@ -15,6 +15,7 @@ Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
+HELD = 0.5  # of the samples, that are as the one before
 CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
 
 
@@ -90,11 +91,13 @@ def rescaled(core: Core) -> list[Reading]:
 def relabelled(core: Core) -> list[Reading]:
     """The time in another unit, every two channels exchanged, temperatures from another zero.
 
-    Of many channels those of one unit: each reading costs a fit.  A model in steps has its own clock.
+    Of many channels those of one unit: each reading costs a fit.  An input that is held is no output's
+    reading.  A model in steps has its own clock.
     """
     units = {v.name: v.unit for v in (*core.model.inputs, *core.model.outputs)}
-    channels = [*inputs(core), *core.outputs]
+    driven, channels = inputs(core), [*inputs(core), *core.outputs]
     pairs = [(a, b) for a, b in combinations(channels, 2) if units[a] == units[b] or len(channels) <= MANY]
+    pairs = [(a, b) for a, b in pairs if not (a in driven and _held(core, a) and not _held(core, b))]
     warm = [n for n in core.outputs if units[n] in ("K", "degC")]
     cold = [
         (1.0, ZERO),
@@ -117,6 +120,11 @@ def unsigned(core: Core) -> list[Reading]:
     may = {v.name for v in core.model.inputs if v.min is None or v.min < 0.0}
     one = [n for n in inputs(core) if n in may and _values(core, n).min() >= 0.0]
     return [Reading(signed=(u, y)) for u in one for y in both_signs]
+
+
+def _held(core: Core, name: str) -> bool:
+    """Whether a channel mostly keeps its value from sample to sample, as no reading does."""
+    return float(np.mean(np.diff(_values(core, name)) == 0.0)) > HELD
 
 
 def _values(core: Core, name: str) -> np.ndarray:

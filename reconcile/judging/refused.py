@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from reconcile.equations.model import Attached
 
 HARDLY = 5e-3  # of the error ahead: what changes it by less does not show there
+MANY = 10.0  # times, beyond which no figure tells more
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,6 @@ def hardly_ahead(a: Attached, share: float) -> Refused:
     if abs(share) < HARDLY:
         return refused(a, "it hardly shows in data that it was not fitted to")
     if share < 0.0:
-        larger = f"{100 * -share:.1f} % larger, on data it was not fitted to"
-        return refused(a, f"it makes the error ahead {larger}", denied=True)
+        larger = f"{100 * -share:.1f} % larger" if share > -MANY else "many times as large"
+        return refused(a, f"it makes the error ahead {larger}, on data it was not fitted to", denied=True)
     return refused(a, f"takes {100 * share:.1f} % of the error ahead away, on data it was not fitted to")

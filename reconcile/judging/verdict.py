@@ -9,7 +9,7 @@ import numpy as np
 from reconcile import words
 from reconcile.catalogue import freeform
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, beyond_noise, horizon_s
+from reconcile.errors.ahead import beyond_noise, beyond_sensors, horizon_s
 from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import curves
@@ -145,12 +145,13 @@ def _alone(core: Core, names: Iterable[str]) -> list[str]:
 
 def _unexplained(answer: Answer) -> str:
     """What is left, and the kind that it most likely is."""
-    errs = words.percent(ahead(answer.core, answer.point))
+    errs = words.percent(beyond_sensors(answer.core, answer.point))
     sure = answer.judged.sure_kind
     sizes = answer.core.disturbances(answer.beam.points[frozenset()].values)
-    worst = max(sizes, key=lambda p: sizes[p])
-    size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"
-    where = f"; what is missing acts at '{worst}', with {size} the forces there"
+    where = ""
+    for worst in sorted(sizes, key=lambda p: -sizes[p])[:1]:  # a model without states has no forces
+        size = f"{sizes[worst]:.0f} times" if sizes[worst] > 2.0 else f"{words.percent(sizes[worst])} of"
+        where = f"; what is missing acts at '{worst}', with {size} the forces there"
     likely = max(answer.judged.probability.values(), default=0.0) > LIKELY
     explains = "no effect is sure to explain it" if sure or likely else "no effect explains it"
     kind = f"; its kind is sure: {sure}" if sure else ""

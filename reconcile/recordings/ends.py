@@ -17,9 +17,11 @@ NOISY = 2.0  # of the smallest step of a sensor: with less noise a machine that 
 def at_an_end(values: np.ndarray) -> np.ndarray:
     """Which samples [n] a sensor cannot show: those at its largest or smallest value, where it stays there.
 
-    It has to show noise elsewhere: what stands still shows one value as well.  A zero is none: what is at
-    rest shows that.
+    It has to show noise elsewhere: what stands still shows one value as well, and what begins or ends so
+    stands.  A zero is none: what is at rest shows that.
     """
+    if any(len(np.unique(part)) == 1 for part in (values[:LEAST], values[-LEAST:])):
+        return np.zeros(len(values), bool)
     rows = [values == end for end in (np.max(values), np.min(values)) if end != 0.0]
     found = np.any([row for row in rows if _longest(row) >= LEAST] or [np.zeros(len(values), bool)], axis=0)
     rest = values[~found]

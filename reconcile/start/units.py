@@ -12,6 +12,7 @@ TURNING = DEGREES | {9.549297: "revolutions per minute against rad/s"}
 THOUSAND = {1000.0: "a factor of 1000, such as mm against m or ms against s"}
 OTHER = THOUSAND | {3.6: "km/h against m/s"}
 RATIOS = TURNING | OTHER | {-1.0: "the sign is turned"}
+USUAL = ((("rad", "deg"), DEGREES), (("rad/s", "deg/s", "rpm"), TURNING), (("m/s", "km/h"), OTHER))
 CLOSE = 0.02  # of a ratio, relative
 SURE = 0.95  # correlation between changes of a position and its integrated speed
 LAGS = (1, 2, 5, 10, 20, 50)  # samples
@@ -139,7 +140,7 @@ def known_ratios() -> dict[float, str]:
 
 def other_units(unit: str) -> list[float]:
     """What a channel of a unit may have to be multiplied by, if it is in another one."""
-    usual = {"rad": DEGREES, "rad/s": TURNING, "K": THOUSAND, "degC": THOUSAND}.get(unit, OTHER)
+    usual = next((ratios for units, ratios in USUAL if unit in units), THOUSAND)
     return [r for k in usual for r in (1 / k, k)]
 
 

@@ -12,7 +12,7 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.by_itself import ByItself
 from reconcile.judging.verdict import judge
 from reconcile.reporting.findings import gather
-from reconcile.search.alone import alone
+from reconcile.search.alone import alone, fit
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.tolerances import ALONE
@@ -66,7 +66,7 @@ def test_its_gap_is_that_of_the_model_by_itself(unnamed: Answer):
 
 def test_effects_that_explain_as_much_share_its_probability(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(by_itself, "ALIKE", 10.0)
-    monkeypatch.setattr(by_itself, "TOLD", -10.0)
+    monkeypatch.setattr(by_itself, "TOLD", {1: -10.0})
     monkeypatch.setattr(by_itself, "LESS", -10.0)
     answer = ByItself(unnamed).answer
     own = answer.judged.probability
@@ -81,7 +81,7 @@ def test_effects_that_explain_as_much_share_its_probability(unnamed: Answer, mon
 def test_what_explains_less_or_less_than_the_likelihood_knows_is_a_hint(unnamed: Answer, monkeypatch, kinds):
     unnamed = replace(unnamed, judged=replace(unnamed.judged, kinds=kinds))
     if not kinds:
-        monkeypatch.setattr(by_itself, "TOLD", 1.0)
+        monkeypatch.setattr(by_itself, "TOLD", {})
     found = ByItself(unnamed)
     assert found.answer is unnamed
     assert found.said.startswith("A hint: by itself, without any disturbance, it errs by ")
@@ -146,6 +146,23 @@ def test_two_simple_effects_are_told_beside_one_that_is_as_simple():
     assert answer.judged.kinds == pytest.approx({"friction": ALONE, "load": ALONE / 2.0})
     assert dict(answer.judged.sets) == pytest.approx(dict.fromkeys(sets, ALONE / 2.0))
     assert all(gained > 0.0 and less > 0.5 for gained, less in answer.judged.gains.values())
+
+
+def test_what_the_likelihood_prefers_is_told_where_nothing_else_would_be_left(unnamed: Answer, monkeypatch):
+    core = unnamed.core
+    pair = [a for a in core.candidates if a.key in (FRICTION, "stiffness@v")]
+    both = fit(core, [core.base.values], pair)
+    assert both is not None
+    key = frozenset(pair)
+    given = answering(core, frozenset())
+    given.beam.points[key] = both
+    given = replace(given, judged=replace(given.judged, kinds={"friction": 0.95}, posterior={key: 0.9}))
+    monkeypatch.setattr(by_itself, "TOLD", {})
+    assert ByItself(given).answer is given  # it is said that something is left
+    monkeypatch.setattr(ByItself, "_left", False)
+    assert ByItself(given).answer.judged.answer == key
+    other = replace(given, judged=replace(given.judged, kinds={"delay": 0.95}))
+    assert ByItself(other).answer is other
 
 
 def test_no_more_effects_are_tried_than_there_is_time_for(unnamed: Answer, monkeypatch):

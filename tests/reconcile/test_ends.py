@@ -23,8 +23,18 @@ NOISE = 0.05 * np.random.default_rng(5).standard_normal(len(TIME))
         (np.maximum(WAVE - 20.0 + NOISE, 0.0), 0),
         (np.round(np.minimum(WAVE + NOISE, 27.0)), 0),
         (np.clip(WAVE + NOISE, 19.0, 21.0), 0),
+        (np.r_[np.full(20, 12.0), np.minimum(WAVE + NOISE, 27.0)], 0),
     ],
-    ids=["within", "at the top", "at the bottom", "a stop", "at rest", "coarse steps", "two levels"],
+    ids=[
+        "within",
+        "at the top",
+        "at the bottom",
+        "a stop",
+        "at rest",
+        "coarse steps",
+        "two levels",
+        "begun at rest",
+    ],
 )
 def test_rows_of_one_value_at_an_end_are_a_sensors(values, count):
     assert ends.at_an_end(values).sum() == count

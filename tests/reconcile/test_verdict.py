@@ -35,7 +35,7 @@ def test_an_error_left_is_said_before_too_little_excitation(
     monkeypatch.setattr(verdicts, "still_outputs", lambda core: [])
     monkeypatch.setattr(verdicts, "still_inputs", lambda core: still)
     monkeypatch.setattr(verdicts, "beyond_noise", lambda core, point: beyond)
-    monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.05)
+    monkeypatch.setattr(verdicts, "beyond_sensors", lambda core, point: 0.05)
     monkeypatch.setattr(verdicts, "moved_parameters", lambda answer: {})
     monkeypatch.setattr(verdicts, "combined", lambda core: [])
     core: Any = SimpleNamespace(
@@ -197,7 +197,7 @@ def test_a_shaft_with_hardly_any_inertia_on_one_end_is_none(rig, held: bool):
     ],
 )
 def test_what_is_likely_is_not_said_to_explain_nothing(monkeypatch, probability, kinds, said: str):
-    monkeypatch.setattr(verdicts, "ahead", lambda core, point: 0.2)
+    monkeypatch.setattr(verdicts, "beyond_sensors", lambda core, point: 0.2)
     core: Any = SimpleNamespace(disturbances=lambda values: {"v": 0.1})
     judged = Judged(frozenset(), (), probability, kinds, [], {}, [])
     beam = SimpleNamespace(points={frozenset(): SimpleNamespace(values={})})

@@ -12,6 +12,7 @@ from reconcile.judging.readings import Reading, asked, multiplied, relabelled
 from reconcile.recordings import checks
 from reconcile.recordings.data import Run, Signal, read_run, split
 from reconcile.search.core import Core
+from reconcile.start.units import other_units
 from reconcile.workflow import examine
 from slewright.__main__ import run
 from specs.errors import InputError
@@ -301,7 +302,8 @@ def test_other_readings_are_few(kind: str, channels: int, pairs: int):
     units = ["V", "V", "rad", "rad", "rad", "K"][:channels]
     signals = [SimpleNamespace(name=f"c{k}", unit=unit) for k, unit in enumerate(units)]
     model = SimpleNamespace(kind=kind, inputs=signals[:2], outputs=signals[2:])
-    runs = [SimpleNamespace(inputs={"c0": None, "c1": None})]
+    moving = Signal(np.arange(9.0), np.arange(9.0))
+    runs = [SimpleNamespace(inputs={"c0": moving, "c1": moving}, outputs={})]
     ports = SimpleNamespace(controls=["c0", "c1"])
     core: Any = SimpleNamespace(model=model, folder=SimpleNamespace(ports=ports), runs=runs)
     core.outputs = [s.name for s in signals[2:]]
@@ -309,3 +311,26 @@ def test_other_readings_are_few(kind: str, channels: int, pairs: int):
     assert len([r for r in found if r.exchanged]) == pairs
     assert bool([r for r in found if r.clock != 1.0]) == (kind == "continuous")
     assert len([r for r in found if r.added]) == (2 if channels == 6 else 0)
+
+
+@pytest.mark.parametrize(
+    ("duty", "speed", "may"), [(True, False, False), (True, True, True), (False, True, True)]
+)
+def test_a_held_command_is_not_taken_for_a_reading(duty: bool, speed: bool, may: bool):
+    moving, held = (Signal(np.arange(9.0), v) for v in (np.arange(9.0), np.repeat([2.0, 254.0, 2.0], 3)))
+    signals = [SimpleNamespace(name=n, unit="1") for n in ("duty", "speed")]
+    model = SimpleNamespace(kind="discrete", inputs=signals[:1], outputs=signals[1:])
+    run = SimpleNamespace(
+        inputs={"duty": held if duty else moving}, outputs={"speed": held if speed else moving}
+    )
+    core: Any = SimpleNamespace(model=model, runs=[run], outputs=["speed"])
+    core.folder = SimpleNamespace(ports=SimpleNamespace(controls=["duty"]))
+    assert bool(relabelled(core)) == may
+
+
+@pytest.mark.parametrize(
+    ("unit", "ratio"), [("deg", 57.29578), ("rpm", 9.549297), ("km/h", 3.6), ("V", 1000.0), ("1", 1000.0)]
+)
+def test_units_that_a_channel_may_be_in_are_of_its_quantity(unit: str, ratio: float):
+    assert other_units(unit)[-1] == ratio
+    assert (3.6 in other_units(unit)) == (unit == "km/h")
