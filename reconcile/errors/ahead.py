@@ -22,7 +22,8 @@ def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarr
     """By recording: numbers of the stretches [n] in which the model runs by itself (0: none); what counts.
 
     What counts lies in the parts `which`.  To a block that is shorter than the horizon the model runs from
-    before it, through other parts: so it is predicted over the model's own time, however short it is.
+    before it, through other parts: so it is predicted over the model's own time, however short it is.  Where
+    a recording begins, no hidden state is known yet.
     """
     reach, found, number = horizon_s(core) - 0.5 * core.period, [], 0  # half a sample: for rounding
     for record in core.records:
@@ -31,7 +32,8 @@ def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarr
         index = partial(np.searchsorted, record.time)
         known = index(record.time[0] + reach)  # hidden states are known by then
         for first, end in _blocks(inside):
-            at = max(min(first, max(known, index(record.time[end - 1] - reach))), free)
+            begun = known if first == 0 and known < end else first
+            at = max(min(begun, max(known, index(record.time[end - 1] - reach))), free)
             while at < end:
                 until = min(index(record.time[at] + reach), end)
                 number += 1
@@ -84,18 +86,23 @@ def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, fl
 
 def beyond_noise(core: Core, point: Point) -> float:
     """Error ahead in levels of the outputs' noise."""
-    own = _sensors(core, point)
+    own = sensors(core, point)
     return float(np.sqrt(max(squares(core, point)[0] / own - 1.0, 0.0)))
 
 
-def beyond_sensors(core: Core, point: Point, parts: Sequence[str] = ("confirm",)) -> float:
-    """Error ahead but the sensors' own noise, in spreads of the outputs (rms)."""
+def beyond_sensors(
+    core: Core, point: Point, parts: Sequence[str] = ("confirm",), level: float = np.inf
+) -> float:
+    """Error ahead but the sensors' own noise, in spreads of the outputs (rms).
+
+    `level`: mean square of that noise, where another fit has shown that there is less of it.
+    """
     rows = np.vstack([by_stretch(core, point, w) for w in parts])
     errors, _, count = rows.sum(axis=0)
-    return float(np.sqrt(max(errors / max(count, 1.0) - _sensors(core, point), 0.0)))
+    return float(np.sqrt(max(errors / max(count, 1.0) - min(sensors(core, point), level), 0.0)))
 
 
-def _sensors(core: Core, point: Point) -> float:
+def sensors(core: Core, point: Point) -> float:
     """Mean square of the sensors' noise in spreads of the outputs.
 
     What a fit takes for noise beyond the level that samples in a row show is error.

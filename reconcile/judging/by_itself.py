@@ -9,10 +9,12 @@ from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
+import numpy as np
+
 from reconcile import words
 from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import beyond_noise, beyond_sensors
+from reconcile.errors.ahead import beyond_noise, beyond_sensors, sensors
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
@@ -48,15 +50,18 @@ class ByItself:
         self.given, self.core = given, given.core
         self.points: dict[Key, Point] = {}
         self._errs: dict[Key, float] = {}
+        self._level = np.inf
         self.plain = self._plain()
         if self.plain and not given.curves and (self._left or self._errs_alone(self.plain)):
             self.points = dict(self._fitted(self.plain, TRIED))
+            self._level = min((sensors(self.core, p) for p in self.points.values()), default=np.inf)
 
     @cached_property
     def answer(self) -> Answer:
         """The answer as it was given, or with effects that take most of the error of the model by itself.
 
-        Of a kind that the likelihood is sure of, sets alone are told that it prefers itself.
+        Where the likelihood is sure of a kind, and something is left, that stays the answer; else effects of
+        that kind may be told.
         """
         sure = self.given.judged.sure_kind
         if self.plain is None or not self.points or self.given.present or (sure and self._left):
@@ -64,12 +69,11 @@ class ByItself:
         likely = dict(self._likely())
         self.points |= likely
         # half is enough where otherwise nothing would be said to be left
-        keys = self._telling(() if self._left else likely)
-        if sure:
-            keys = [k for k in keys if k in likely and sure in {kind(a.effect.name) for a in k}]
-        elif keys and _parameters(keys[0]) > 1:
+        may = () if self._left else likely
+        keys = self._telling(sure, may)
+        if keys and _parameters(keys[0]) > 1:
             self.points |= dict(self._pairs())
-            keys = self._telling(() if self._left else likely) or keys
+            keys = self._telling(sure, may) or keys
         return self._with(keys[:DECLARED], self.plain) if keys else self.given
 
     @property
@@ -151,13 +155,13 @@ class ByItself:
         ranked = sorted(near, key=lambda k: (_parameters(k), self._err(k)))
         return list({frozenset(map(_place, k)): k for k in reversed(ranked)}.values())[::-1]
 
-    def _telling(self, likely: Container[Key]) -> list[Key]:
-        """The simplest of these that take most of the error away, and some of it in each part.
+    def _telling(self, sure: str | None, likely: Container[Key]) -> list[Key]:
+        """The simplest that take most of the error away, and some of it in each part.
 
-        Half of it is enough of what is `likely`.
+        Those of the kind that is `sure`, if one is.  Half of the error is enough of what is `likely`.
         """
-        alike = self._alike(self.points)
-        most = {k: EXPLAINED if k in likely else TOLD.get(_parameters(k), 1.0) for k in alike}
+        keys = [k for k in self.points if sure is None or sure in {kind(a.effect.name) for a in k}]
+        most = {k: EXPLAINED if k in likely else TOLD.get(_parameters(k), 1.0) for k in self._alike(keys)}
         told = [k for k in most if self._err(k) < (1.0 - most[k]) * self._without]
         told = [k for k in told if self._in_each_part(self.points[k])]
         return [k for k in told if _parameters(k) == _parameters(told[0])]
@@ -168,7 +172,7 @@ class ByItself:
 
     def _error(self, point: Point, parts: Sequence[str] = PARTS) -> float:
         """Error ahead above the noise (rms), in spreads of the outputs."""
-        return beyond_sensors(self.core, point, parts)
+        return beyond_sensors(self.core, point, parts, self._level)
 
     def _with(self, keys: Sequence[Key], plain: Point) -> Answer:
         """An answer among sets that are as likely; all of its points are fitted by the output error."""

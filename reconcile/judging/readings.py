@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TypeVar
 
+import casadi as ca
 import numpy as np
 
 from reconcile.recordings.data import Block, Run, Signal
@@ -15,6 +16,7 @@ Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
+THOUSAND, NEAR = (1e-3, 1e3), 2.0  # ratios of units, and times that a signal may be from one
 HELD = 0.5  # of the samples, that are as the one before
 CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
 
@@ -78,14 +80,30 @@ def turned(core: Core) -> list[Reading]:
 def rescaled(core: Core) -> list[Reading]:
     """Every position or speed of an axis in another unit, where no recorded rate of it says which it is.
 
-    Of a model without axes, every state that is recorded.
+    Of a model without axes, every state that is recorded.  Other outputs where they are a thousand times what
+    the model starts with, or a thousandth.
     """
     units = {v.name: v.unit for v in core.model.outputs}
     axes, states = core.folder.ports.axes, [v.name for v in core.model.states]
     moving = {n for a in axes for n in (a.position, a.velocity)} if axes else {*states}
     shown = {n for i, n, _ in core.kalman.shown if core.model.states[i].name in moving}
     alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
-    return [multiplied(ratio, n) for n in alone if n in shown for ratio in other_units(units[n])]
+    usual = [multiplied(ratio, n) for n in alone if n in shown for ratio in other_units(units[n])]
+    others = {n: level for n, level in _levels(core).items() if n not in alone or n not in shown}
+    far = [multiplied(r, n) for n, level in others.items() for r in THOUSAND if 1.0 / NEAR < level * r < NEAR]
+    return usual + far
+
+
+def _levels(core: Core) -> dict[str, float]:
+    """How many times the size an output has that it has at the model's start; none where that is nothing."""
+    model = core.model
+    if model.symbolic == "MX":
+        return {}
+    p = model.start_parameters()
+    u, m = ca.DM([v.start for v in model.inputs]), ca.DM([v.start for v in model.modes])
+    begun = np.abs(np.asarray(ca.DM(model.h(model.x0(p), u, m, p))).ravel())
+    each = zip((v.name for v in model.outputs), begun, strict=True)
+    return {n: float(np.median(np.abs(_values(core, n)))) / y for n, y in each if y and n in core.outputs}
 
 
 def relabelled(core: Core) -> list[Reading]:
