@@ -119,16 +119,16 @@ def bring(
 def _too_far_off(found: Acceptance, recording: Path, description: Path, most: float) -> str:
     """How far, and what is most likely wrong: the recording, where the networks have no data of it."""
     error = found.network.velocity_mae
-    far = f"miss its speed by {error:.2f} °/s" if error < RUNS_AWAY else "run away"
-    said = f"{recording}: the networks {far} over 10 s in open loop, more than {most:g}: "
+    far = "run away from its speed" if error > RUNS_AWAY else f"miss its speed by {error:.2f} °/s"
+    said = f"{recording}: the networks {far} over 10 s in open loop (at most {most:g} °/s)"
     if found.outside is not None and found.outside > MOST_FAR:
-        said += (
-            f"{found.outside:.0%} of it lie out of the region of {description}, where there was no training "
-            "data; check them on a recording from within"
+        return (
+            f"{said}: {found.outside:.0%} of it lie where {description} says no training data were; check "
+            "them on a recording from within, or accept more with --most-error ERROR"
         )
-    else:
-        said += f"wrong order, residual, scale or inertia in {description}?"
-    return f"{said} --most-error ERROR accepts more"
+    return (
+        f"{said}: wrong order, residual, scale or inertia in {description}? --most-error ERROR accepts more"
+    )
 
 
 def _with_region(network: SlewNetwork) -> SlewNetwork:

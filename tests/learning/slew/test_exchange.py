@@ -14,7 +14,7 @@ from onnx import helper, load, numpy_helper
 from fmus.models.slew import traces
 from fmus.models.slew_nn.network import CELL_AXES, HISTORY, Mlp, SlewNetwork
 from fmus.models.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
-from learning.slew import acceptance, description
+from learning.slew import acceptance, description, importing
 from learning.slew.acceptance import accept, trajectories
 from learning.slew.description import PLACES
 from learning.slew.exchange import from_onnx, from_state_dict, read_pair, to_onnx
@@ -459,10 +459,22 @@ def test_a_miss_is_laid_to_the_recording_where_the_networks_have_no_data_of_it(
     ends = ["--check", CHECK, "--out", tmp_path / "net.npz", "--most-error", 1e-3]
     given = ["--pressure", pressure, "--velocity", velocity, "--description", told, *ends]
     described = told.read_text()
-    for region, said in (("[8e5, 9e5]", "out of the region of"), ("[1e4, 9e5]", "wrong order, residual")):
+    for region, said in (("[8e5, 9e5]", "no training data were"), ("[1e4, 9e5]", "wrong order, residual")):
         told.write_text(f"{described}\n[region]\ninertia = {region}\n")
         assert entry.run(["import", "slew", *map(str, given)]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_networks_that_run_away_are_not_given_an_error(
+    fitted: SlewNetwork, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """10^18 deg/s would say nothing."""
+    monkeypatch.setattr(importing, "RUNS_AWAY", 1e-3)
+    pressure, velocity, told = write_foreign(fitted, tmp_path)
+    ends = ["--check", CHECK, "--out", tmp_path / "net.npz", "--most-error", 1e-3]
+    given = ["--pressure", pressure, "--velocity", velocity, "--description", told, *ends]
+    assert entry.run(["import", "slew", *map(str, given)]) == 2
+    assert "run away from its speed over 10 s" in capsys.readouterr().err
 
 
 def test_what_is_refused_leaves_nothing(fitted: SlewNetwork, tmp_path: Path, capsys: Any) -> None:
