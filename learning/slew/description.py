@@ -109,9 +109,6 @@ class Part:
     mean_out: Statistics = None
     std_out: Statistics = None
 
-    def __post_init__(self) -> None:
-        _same_names("inputs", self.inputs, CHANNELS)
-
     def places(self) -> list[tuple[str, int]]:
         """(channel, place from old to new) of each of the 41 inputs, in the author's order."""
         rows = range(HISTORY) if self.order == "old_to_new" else range(HISTORY - 1, -1, -1)
@@ -196,7 +193,8 @@ class Description:
         if abs(self.spacing_s - PERIOD_S) > 1e-9 or self.history != HISTORY:
             raise InputError(
                 f"a history of {self.history} values every {self.spacing_s:g} s; "
-                f"this model has {HISTORY} every {PERIOD_S:g} s"
+                f"this model has {HISTORY} every {PERIOD_S:g} s (a shorter history fits with columns of "
+                "zeros in the first layer for what is older)"
             )
         for name in {*self.channels, *self.region} - {*CHANNELS}:
             raise InputError(f"no channel '{name}'; valid: {', '.join(CHANNELS)}")
@@ -208,6 +206,13 @@ class Description:
             self._check_part(name, self.part(name), outputs)
 
     def _check_part(self, name: str, part: Part, outputs: tuple[str, ...]) -> None:
+        missing = [channel for channel in CHANNELS if channel not in part.inputs]
+        if missing and {*part.inputs} <= {*CHANNELS}:
+            raise InputError(
+                f"{name}.inputs: {', '.join(missing)} missing; of what a network does not use, its first "
+                "layer has columns of zeros"
+            )
+        _same_names(f"{name}.inputs", part.inputs, CHANNELS)
         _same_names(f"{name}.outputs", part.outputs, outputs)
         for key in ("mean_in", "std_in"):
             self._check_numbers(f"{name}.{key}", part.inputs_of(key))

@@ -14,6 +14,7 @@ from specs.errors import InputError
 from specs.progress import Report
 
 WIDTH = 2.0  # deviations from the mean that count as trained
+RUNS_AWAY = 1000.0  # deg/s: no speed of a slew
 MOST_ERROR = 2.0  # deg/s: a history turned round costs the published networks 13, the paper states 0.65
 
 
@@ -109,13 +110,25 @@ def bring(
     network = _with_region(read_pair(*files, description))
     report("predicting the recording")
     found = accept(network, trajectories(recording, network.inertia_map))
-    if (error := found.network.velocity_mae) > most:
-        raise InputError(
-            f"{recording}: the networks miss its speed by {error:.2f} °/s over 10 s in open loop, more than "
-            f"{most:g}: wrong order, scale or inertia in {description}? --most-error ERROR accepts more"
-        )
+    if found.network.velocity_mae > most:
+        raise InputError(_too_far_off(found, recording, description, most))
     report("writing")
     return Imported(network, found, target.write(network))
+
+
+def _too_far_off(found: Acceptance, recording: Path, description: Path, most: float) -> str:
+    """How far, and what is most likely wrong: the recording, where the networks have no data of it."""
+    error = found.network.velocity_mae
+    far = "run away from its speed" if error > RUNS_AWAY else f"miss its speed by {error:.2f} °/s"
+    said = f"{recording}: the networks {far} over 10 s in open loop (at most {most:g} °/s)"
+    if found.outside is not None and found.outside > MOST_FAR:
+        return (
+            f"{said}: {found.outside:.0%} of it lie where {description} says no training data were; check "
+            "them on a recording from within, or accept more with --most-error ERROR"
+        )
+    return (
+        f"{said}: wrong order, residual, scale or inertia in {description}? --most-error ERROR accepts more"
+    )
 
 
 def _with_region(network: SlewNetwork) -> SlewNetwork:

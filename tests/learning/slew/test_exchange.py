@@ -14,7 +14,7 @@ from onnx import helper, load, numpy_helper
 from fmus.models.slew import traces
 from fmus.models.slew_nn.network import CELL_AXES, HISTORY, Mlp, SlewNetwork
 from fmus.models.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
-from learning.slew import acceptance, description
+from learning.slew import acceptance, description, importing
 from learning.slew.acceptance import accept, trajectories
 from learning.slew.description import PLACES
 from learning.slew.exchange import from_onnx, from_state_dict, read_pair, to_onnx
@@ -335,11 +335,13 @@ def test_swapped_files_strangers_and_code_are_refused(tmp_path: Path) -> None:
     ("old", "new", "said"),
     [
         ('"omega", "p_r"', '"omega", "p"', "inputs: inertia, omega, p, u, p_l; needed"),
+        ('"u", "p_l"]', '"u"]', "pressure.inputs: p_l missing; of what a network does not use"),
         ('unit = "bar"', 'unit = "deg"', "'deg' is no unit like Pa"),
         ('unit = "bar"', 'unit = "psi"', "psi"),
         ("full_scale = 850", "full_scale = 0", "above 0"),
         ("[pressure]", "[pressure]\nlayers = [41, 24, 2]", "expected 41→24→2"),
         ("[channels.u]", "history = 5\n[channels.u]", "history of 5 values every 0.1 s"),
+        ("[channels.u]", "history = 5\n[channels.u]", "zeros in the first layer"),
         ("[channels.u]", "spacing_s = 0.05\n[channels.u]", "every 0.05 s"),
         ("[channels.u]", 'activation = "tanh"\n[channels.u]', "activation"),
         ("[channels.u]", "[channels.spool]", "no channel 'spool'"),
@@ -448,6 +450,31 @@ def test_a_trace_that_is_missed_or_a_folder_that_cannot_be_is_said(
         assert entry.run(["import", "slew", *map(str, [*given, *wrong])]) == 2
         assert said in capsys.readouterr().err
     assert not (tmp_path / "net.npz").exists()
+
+
+def test_a_miss_is_laid_to_the_recording_where_the_networks_have_no_data_of_it(
+    fitted: SlewNetwork, tmp_path: Path, capsys: Any
+) -> None:
+    pressure, velocity, told = write_foreign(fitted, tmp_path)
+    ends = ["--check", CHECK, "--out", tmp_path / "net.npz", "--most-error", 1e-3]
+    given = ["--pressure", pressure, "--velocity", velocity, "--description", told, *ends]
+    described = told.read_text()
+    for region, said in (("[8e5, 9e5]", "no training data were"), ("[1e4, 9e5]", "wrong order, residual")):
+        told.write_text(f"{described}\n[region]\ninertia = {region}\n")
+        assert entry.run(["import", "slew", *map(str, given)]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_networks_that_run_away_are_not_given_an_error(
+    fitted: SlewNetwork, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """10^18 deg/s would say nothing."""
+    monkeypatch.setattr(importing, "RUNS_AWAY", 1e-3)
+    pressure, velocity, told = write_foreign(fitted, tmp_path)
+    ends = ["--check", CHECK, "--out", tmp_path / "net.npz", "--most-error", 1e-3]
+    given = ["--pressure", pressure, "--velocity", velocity, "--description", told, *ends]
+    assert entry.run(["import", "slew", *map(str, given)]) == 2
+    assert "run away from its speed over 10 s" in capsys.readouterr().err
 
 
 def test_what_is_refused_leaves_nothing(fitted: SlewNetwork, tmp_path: Path, capsys: Any) -> None:
