@@ -86,12 +86,14 @@ def turned_parameters(answer: Answer) -> str:
     """A sentence on base parameters that come out with the other sign than in model.py; "" without.
 
     Of one that may well be twice as large or nothing, by its tolerance, the sign is no more than a guess.
+    That of a temperature says nothing: its zero is anywhere.
     """
     errors, point = standard_errors(answer.point), answer.point
     found = [
         f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}"
         for v in answer.core.model.parameters
         if v.name in errors
+        and v.unit != "degC"
         and (v.tolerance or 0.0) < 1.0
         and v.start * point.values[v.name] < 0.0
         and abs(point.values[v.name]) > errors[v.name]
