@@ -21,25 +21,31 @@ def horizon_s(core: Core) -> float:
 def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarray]]:
     """By recording: numbers of the stretches [n] in which the model runs by itself (0: none); what counts.
 
-    What counts lies in the parts `which`.  To a block that is shorter than the horizon the model runs from
-    before it, through other parts: so it is predicted over the model's own time, however short it is.  Where
-    a recording begins, no hidden state is known yet.
+    What counts lies in the parts `which`, from where hidden states are known, if anything of them does.  To
+    a block that is shorter than the horizon the model runs from before it, through other parts: so it is
+    predicted over the model's own time, however short it is.
     """
+    found = _windows(core, which)
+    return found if any(counts.any() for _, counts in found) else _windows(core, which, early=True)
+
+
+def _windows(core: Core, which: Sequence[str], early: bool = False) -> list[tuple[np.ndarray, np.ndarray]]:
+    """See windows; `early`: whether what comes before hidden states are known counts as well."""
     reach, found, number = horizon_s(core) - 0.5 * core.period, [], 0  # half a sample: for rounding
     for record in core.records:
         inside = np.any([getattr(record, w) for w in which], axis=0)
-        ids, free = np.zeros(len(record.time), int), 1  # the first sample that no stretch has; 0 is the start
         index = partial(np.searchsorted, record.time)
         known = index(record.time[0] + reach)  # hidden states are known by then
+        # the first sample that no stretch has; 0 is the start
+        ids, free = np.zeros(len(record.time), int), 1 if early else known
         for first, end in _blocks(inside):
-            begun = known if first == 0 and known < end else first
-            at = max(min(begun, max(known, index(record.time[end - 1] - reach))), free)
+            at = max(min(first, max(known, index(record.time[end - 1] - reach))), free)
             while at < end:
                 until = min(index(record.time[at] + reach), end)
                 number += 1
                 ids[at:until] = number
                 at = until
-            free = end
+            free = max(end, free)
         found.append((ids, inside & (ids > 0)))
     return found
 

@@ -52,6 +52,11 @@ def test_none_begins_before_hidden_states_can_be_known(block, begins):
     assert found[0][0] == begins
 
 
+def test_what_comes_before_hidden_states_are_known_does_not_count_beside_others():
+    _, counts = stretches((3, 14), (40, 45))
+    assert counts.tolist() == [10, 11, 12, 13, 40, 41, 42, 43, 44]
+
+
 def test_a_model_that_runs_away_errs_without_end(monkeypatch):
     monkeypatch.setattr(errors, "by_record", lambda core, point, which: None)
     assert above_noise(errors.by_stretch(core((40, 45)), None)) == np.inf  # type: ignore[arg-type]
