@@ -161,10 +161,11 @@ class ByItself:
         Those of the kind that is `sure`, if one is.  Half of the error is enough of what is `likely`.
         """
         keys = [k for k in self.points if sure is None or sure in {kind(a.effect.name) for a in k}]
-        most = {k: EXPLAINED if k in likely else TOLD.get(_parameters(k), 1.0) for k in self._alike(keys)}
-        told = [k for k in most if self._err(k) < (1.0 - most[k]) * self._without]
+        most = {k: EXPLAINED if k in likely else TOLD.get(_parameters(k), 1.0) for k in keys}
+        told = [k for k in keys if self._err(k) < (1.0 - most[k]) * self._without]
         told = [k for k in told if self._in_each_part(self.points[k])]
-        return [k for k in told if _parameters(k) == _parameters(told[0])]
+        fewest = min(map(_parameters, told), default=0)
+        return self._alike([k for k in told if _parameters(k) == fewest])
 
     def _in_each_part(self, point: Point) -> bool:
         plain, least = self.plain or point, 1.0 - LESS
