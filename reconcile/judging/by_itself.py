@@ -151,7 +151,7 @@ class ByItself:
     def _alike(self, keys: Collection[Key]) -> list[Key]:
         """Which of these explain as much as the best one, the simplest first, each in its simplest form."""
         most = min(map(self._err, keys), default=0.0) + ALIKE * self._without
-        near = [k for k in keys if self._err(k) < most]
+        near = [k for k in keys if self._err(k) <= most]
         ranked = sorted(near, key=lambda k: (_parameters(k), self._err(k)))
         return list({frozenset(map(_place, k)): k for k in reversed(ranked)}.values())[::-1]
 
