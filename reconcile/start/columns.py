@@ -28,6 +28,7 @@ ALIKE = 0.95  # correlation of a column with the slope of a position that makes 
 SAME = 0.1  # by which its size may differ from that slope, in the same or another usual unit
 USUAL = (1.0, 1.0 / 6.0, *known_ratios())  # ratios of units; 1/6: rpm beside degrees
 HELD = 0.5  # share of samples equal to the one before, of what moves in steps
+JUMP, SWITCHED = 0.2, 0.8  # of its range, that a signal jumps by; of all its changes, that are jumps
 MOTION = ("position", "velocity")
 VOLTAGES, CURRENTS = {"voltage", "volt", "spannung"}, {"current", "strom"}
 WANTED = "guessed: a wanted value, and no other input is recorded"
@@ -60,6 +61,13 @@ class Column:
     def held(self) -> bool:
         """Whether it moves in steps."""
         return float(np.mean(np.diff(self.values) == 0.0)) > HELD
+
+    @property
+    def switched(self) -> bool:
+        """Whether it moves in steps, noise aside: by few large changes from sample to sample."""
+        changes = np.abs(np.diff(self.values))
+        jumps = changes[changes > JUMP * np.ptp(self.values)]
+        return bool(np.sum(jumps) > SWITCHED * np.sum(changes))
 
     @property
     def turns(self) -> bool:
@@ -141,13 +149,19 @@ def _currents(columns: list[Column]) -> list[Column]:
 
 
 def currents_out(columns: Sequence[Column]) -> list[Column]:
-    """The columns, those that are a current outputs where a voltage is the input."""
+    """The columns, those that are a current outputs where a voltage is the input.
+
+    Of a cell it is the other way round: the current is switched, and the voltage goes after it.
+    """
     inputs = [c for c in columns if c.role == "input" and not c.constant]
     drives = next((c for c in inputs if _measures(c, "V", VOLTAGES)), None)
     if drives is None:
         return list(columns)
-    text = f"a current, driven by {drives.name}"
     flows = [c for c in inputs if _measures(c, "A", CURRENTS) and not says_command(c.name)]
+    if switched := [c for c in flows if c.switched and not drives.switched]:
+        text = f"a voltage, driven by {switched[0].name}"
+        return [replace(c, role="other", reason=text) if c is drives else c for c in columns]
+    text = f"a current, driven by {drives.name}"
     return [replace(c, role="other", reason=text) if any(c is f for f in flows) else c for c in columns]
 
 

@@ -57,6 +57,16 @@ def test_a_current_is_the_output_of_first_order_beside_a_gap_and_is_told_of_else
     assert any("a current, driven by u, so it may be an output" in line for line in said), said
 
 
+def test_a_cells_current_is_switched_and_drives_its_voltage(tmp_path: Path):
+    noise = 0.005 * np.random.default_rng(3).standard_normal(400)
+    current = np.repeat([0.0, -6.0, 0.0, -3.0], 100) + noise
+    drop = np.zeros(400)
+    for k in range(399):
+        drop[k + 1] = drop[k] + (0.02 * current[k] - drop[k]) / 30.0
+    columns = {"time [s]": np.arange(400.0), "current [A]": current, "voltage [V]": 4.1 + drop}
+    assert taken(table(tmp_path / "cell.csv", columns), tmp_path / "cell")[:2] == (["current"], ["voltage"])
+
+
 def test_a_drives_current_may_be_its_input(tmp_path: Path):
     r = rig()
     columns = {"time [s]": r["t"], "current [A]": r["torque"], "voltage [V]": r["v"] + r["torque"]}
