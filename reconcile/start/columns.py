@@ -142,26 +142,29 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
 
 
 def _currents(columns: list[Column]) -> list[Column]:
-    """Currents are outputs beside a voltage, unless something moves: a drive's current may be its input."""
+    """Currents are outputs beside a voltage, unless something moves: a drive's current may be its input.
+
+    Of a cell it is the other way round: its current is switched, and its voltage goes after that.
+    """
     if any(c.role in MOTION and c.unit and not c.constant for c in columns):
         return columns
-    return currents_out(columns)
+    inputs = [c for c in columns if c.role == "input" and not c.constant]
+    drawn = next((c for c in inputs if _measures(c, "A", CURRENTS) and c.switched), None)
+    follows = [c for c in inputs if _measures(c, "V", VOLTAGES) and not c.switched]
+    if drawn is None or not follows:
+        return currents_out(columns)
+    text = f"a voltage, driven by {drawn.name}"
+    return [replace(c, role="other", reason=text) if any(c is f for f in follows) else c for c in columns]
 
 
 def currents_out(columns: Sequence[Column]) -> list[Column]:
-    """The columns, those that are a current outputs where a voltage is the input.
-
-    Of a cell it is the other way round: the current is switched, and the voltage goes after it.
-    """
+    """The columns, those that are a current outputs where a voltage is the input."""
     inputs = [c for c in columns if c.role == "input" and not c.constant]
     drives = next((c for c in inputs if _measures(c, "V", VOLTAGES)), None)
     if drives is None:
         return list(columns)
-    flows = [c for c in inputs if _measures(c, "A", CURRENTS) and not says_command(c.name)]
-    if switched := [c for c in flows if c.switched and not drives.switched]:
-        text = f"a voltage, driven by {switched[0].name}"
-        return [replace(c, role="other", reason=text) if c is drives else c for c in columns]
     text = f"a current, driven by {drives.name}"
+    flows = [c for c in inputs if _measures(c, "A", CURRENTS) and not says_command(c.name)]
     return [replace(c, role="other", reason=text) if any(c is f for f in flows) else c for c in columns]
 
 
