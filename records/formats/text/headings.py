@@ -19,6 +19,7 @@ SQUARE = re.compile(r"^(?P<name>.*?\S)(?P<blank>\s*)\[(?P<unit>[^\[\]]*)\]$")
 ROUND = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^()]*)\)$")
 SLASH = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>.+)$")
 IN = re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>\S+)$")
+RUN = re.compile(r"^Run\s*#?\s*(\d+)\s*:\s*(.+)$|^(.*\S)\s+Run\s*#?\s*(\d+)$", re.IGNORECASE)
 
 
 def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
@@ -26,12 +27,34 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
     if ours:
         return [_square(cell, True) or Heading(cell) for cell in cells]
     style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
-    found = [_heading(cell, style) for cell in cells]
+    found = _of_runs([_run(cell) for cell in cells], style) or [_heading(cell, style) for cell in cells]
     indexed = Counter(m["name"] for c in cells if (m := _match(SQUARE, c)) and m["unit"].isdigit())
     found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
     return [
         Heading(c) if names[h.name] > 1 and not _is_clock(h) else h for h, c in zip(found, cells, strict=True)
+    ]
+
+
+def _run(cell: str) -> tuple[str, str]:
+    """A heading without its run, as in `Run 2: Time (s)` or `Time (s) Run #2`, and the run's number."""
+    match = RUN.match(cell) if len(cell) <= LONGEST else None
+    if match is None:
+        return cell, ""
+    return (match[2], match[1]) if match[1] else (match[3], match[4])
+
+
+def _of_runs(cells: Sequence[tuple[str, str]], style: re.Pattern[str] | None) -> list[Heading] | None:
+    """Headings of a file of runs: those of the first one without its number, of others with it behind.
+
+    None where not every column is of a run.
+    """
+    if not all(run for _, run in cells):
+        return None
+    first, heads = cells[0][1], [_heading(cell, style, letter=True) for cell, _ in cells]
+    return [
+        h if run == first else Heading(f"{h.name}.{run}", h.unit, h.text)
+        for h, (_, run) in zip(heads, cells, strict=True)
     ]
 
 
@@ -50,12 +73,15 @@ def _clock_in(cell: str, style: re.Pattern[str]) -> bool:
     return bool(match and clock_name(match["name"]) and of_time(match["unit"]))
 
 
-def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
+def _heading(cell: str, style: re.Pattern[str] | None, letter: bool = False) -> Heading:
+    """`letter`: a unit in round brackets may be a letter."""
     if found := _square(cell, False):
         return found
     if match := _match(ROUND, cell):
         name, unit = match["name"], match["unit"].strip()
-        long = (len(unit) > 1 or not unit.isalnum()) and unit != "min"  # p(A), x(t) and p(min) are names
+        long = letter or (
+            (len(unit) > 1 or not unit.isalnum()) and unit != "min"
+        )  # p(A), x(t) and p(min) are names
         apart = match["unit"] == f" {unit} "
         clock = clock_name(name) and _of_clock(unit)
         if ((long or apart) and is_unit(unit)) or clock or name in signals():

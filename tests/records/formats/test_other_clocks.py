@@ -51,6 +51,24 @@ def test_each_clock_times_the_columns_behind_it(read, head, rows):
     assert not any("without a time" in said for said in found.repairs)
 
 
+@pytest.mark.parametrize("form", ["Run {run}: {name}", "{name} Run #{run}", "{name} Run {run}"])
+@pytest.mark.parametrize("runs", [(7,), (7, 8)])
+def test_columns_of_runs_are_called_as_in_the_first_one_and_by_their_number_in_others(read, form, runs):
+    """As loggers of teaching laboratories write them."""
+    head = ",".join(form.format(run=r, name=n) for r in runs for n in ("Time (s)", "Force (N)"))
+    rows = [",".join(f"{t + 0.25 * (r - 7)},{r * t}" for r in runs) for t in range(4)]
+    found = read("\n".join([head, *rows, ""]))
+    assert [*found.channels] == ["Force", "Force.8"][: len(runs)]
+    assert found["Force"].unit == "N"
+    for name, run in zip(("Force", "Force.8"), runs, strict=False):
+        np.testing.assert_allclose(found[name].values, run * np.arange(4.0))
+        np.testing.assert_allclose(found[name].time, np.arange(4.0) + 0.25 * (run - 7))
+
+
+def test_a_run_in_one_heading_alone_is_part_of_its_name(read):
+    assert [*read("time,Dry Run 2,b\n0,1,2\n1,2,3\n").channels] == ["Dry Run 2", "b"]
+
+
 def test_clocks_have_units_of_their_own(read):
     found = read("time(ms),a,time(s),b,c\n500,1,0.75,4,7\n600,2,1.75,5,8\n")
     np.testing.assert_allclose(found["a"].time, [0, 0.1])
