@@ -79,9 +79,8 @@ def _heading(cell: str, style: re.Pattern[str] | None, letter: bool = False) -> 
         return found
     if match := _match(ROUND, cell):
         name, unit = match["name"], match["unit"].strip()
-        long = letter or (
-            (len(unit) > 1 or not unit.isalnum()) and unit != "min"
-        )  # p(A), x(t) and p(min) are names
+        more = len(unit) > 1 or not unit.isalnum()
+        long = letter or (more and unit != "min")  # p(A), x(t) and p(min) are names
         apart = match["unit"] == f" {unit} "
         clock = clock_name(name) and _of_clock(unit)
         if ((long or apart) and is_unit(unit)) or clock or name in signals():
