@@ -202,8 +202,8 @@ class ByItself:
     def _gain(self, key: Key, a: Attached, plain: Point) -> tuple[float, float]:
         """Nats that an effect gains, and the share of the error left without it that it takes away."""
         point, less = self.points[key], self.points.get(key - {a}, plain)
-        left = self._error(point, ["confirm"]) / self._error(less, ["confirm"])
-        return 2.0 * (less.loss - point.loss), 1.0 - left
+        left, without = (self._error(p, ["confirm"]) for p in (point, less))
+        return 2.0 * (less.loss - point.loss), 1.0 - left / without if without else 0.0
 
 
 def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:
