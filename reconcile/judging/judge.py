@@ -11,7 +11,7 @@ from reconcile.catalogue.kinds import kind
 from reconcile.equations.model import Attached
 from reconcile.errors.ahead import above_noise, ahead, beyond_noise, by_stretch, noise, without_effects
 from reconcile.filter.point import Z95, Point, standard_errors
-from reconcile.judging.refused import Refused, all_of, hardly_ahead, no_shaft, refused
+from reconcile.judging.refused import MANY, Refused, all_of, hardly_ahead, no_shaft, refused
 from reconcile.search.alone import fits
 from reconcile.search.beam import Beam
 from reconcile.search.predicted import confirmed
@@ -170,7 +170,12 @@ class Judge:
             down += all_of(answer, text)
             answer, declared = frozenset(), []
         if answer and (left := self._left(answer)) > 1.0 - EXPLAINED:
-            down += all_of(answer, f"with it {percent(left)} of the error ahead is left")
+            much = (
+                f"{percent(left)} of the error ahead is left"
+                if left < MANY
+                else "the model errs many times as much"
+            )
+            down += all_of(answer, f"with it {much}")
             answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
         most = UNTRIED if self.beam.cut else 1.0

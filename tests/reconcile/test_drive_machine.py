@@ -26,9 +26,13 @@ def driven(name: str, model: str, folder, capsys) -> tuple[dict, str]:
     return found, said
 
 
-def test_a_late_encoder_that_may_delay_or_smooth_is_told_by_what_is_driven(tmp_path, capsys):
-    found, _ = driven("slow_slew", "slew", tmp_path, capsys)
-    assert found["experiment"]["before"] == "ambiguous"
+def test_a_late_encoder_is_named_in_a_recording_of_one_gentle_move(tmp_path):
+    recordings, figures = tmp_path / "recordings", tmp_path / "out.json"
+    assert entry.run(["collect", "slow_slew", "--out", str(recordings)]) == 0
+    (run,) = recordings.glob("*.parquet")
+    command = ["reconcile", str(run), "--model", "slew", "--out", str(tmp_path / "out")]
+    assert entry.run([*command, "--json", str(figures)]) == 0
+    found = json.loads(figures.read_text())
     # the machine has more that the model lacks, of which some may stay open
     assert all("sensor_delay" in names for names in found["alternatives"])
     (late,) = [e for e in found["effects"] if e["name"] in ("sensor_delay", "sensor_lag")]
