@@ -84,9 +84,10 @@ def without_effects(core: Core) -> Point:
     return min((core.base, *alone(core)), key=lambda p: ahead(core, p))
 
 
-def squares(core: Core, point: Point, which: str = "confirm") -> tuple[float, float]:
+def squares(core: Core, point: Point, parts: Sequence[str] = ("confirm",)) -> tuple[float, float]:
     """Mean squares of the error ahead, noise and all, and of the noise, in spreads of the outputs."""
-    errors, known, count = by_stretch(core, point, which).sum(axis=0)
+    rows = np.vstack([by_stretch(core, point, w) for w in parts])
+    errors, known, count = rows.sum(axis=0)
     return float(errors / max(count, 1.0)), float(known / max(count, 1.0))
 
 
@@ -103,9 +104,8 @@ def beyond_sensors(
 
     `level`: mean square of that noise, where another fit has shown that there is less of it.
     """
-    rows = np.vstack([by_stretch(core, point, w) for w in parts])
-    errors, _, count = rows.sum(axis=0)
-    return float(np.sqrt(max(errors / max(count, 1.0) - min(sensors(core, point), level), 0.0)))
+    own = min(sensors(core, point), level)
+    return float(np.sqrt(max(squares(core, point, parts)[0] - own, 0.0)))
 
 
 def sensors(core: Core, point: Point) -> float:

@@ -9,15 +9,15 @@ import casadi as ca
 import numpy as np
 
 from reconcile.recordings.data import Block, Run, Signal
+from reconcile.recordings.ends import held
 from reconcile.search.core import Core
-from reconcile.start.units import bare, known_ratios, other_units, turned_line, turns
+from reconcile.start.units import THOUSAND, bare, known_ratios, other_units, turned_line, turns
 
 Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
-THOUSAND, NEAR = (1e-3, 1e3), 2.0  # ratios of units, and times that a signal may be from one
-HELD = 0.5  # of the samples, that are as the one before
+NEAR = 2.0  # times that a signal may be from another unit
 CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
 
 
@@ -90,7 +90,8 @@ def rescaled(core: Core) -> list[Reading]:
     alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
     usual = [multiplied(ratio, n) for n in alone if n in shown for ratio in other_units(units[n])]
     others = {n: level for n, level in _levels(core).items() if n not in alone or n not in shown}
-    far = [multiplied(r, n) for n, level in others.items() for r in THOUSAND if 1.0 / NEAR < level * r < NEAR]
+    both = [r for k in THOUSAND for r in (1.0 / k, k)]
+    far = [multiplied(r, n) for n, level in others.items() for r in both if 1.0 / NEAR < level * r < NEAR]
     return usual + far
 
 
@@ -115,7 +116,8 @@ def relabelled(core: Core) -> list[Reading]:
     units = {v.name: v.unit for v in (*core.model.inputs, *core.model.outputs)}
     driven, channels = inputs(core), [*inputs(core), *core.outputs]
     pairs = [(a, b) for a, b in combinations(channels, 2) if units[a] == units[b] or len(channels) <= MANY]
-    pairs = [(a, b) for a, b in pairs if not (a in driven and _held(core, a) and not _held(core, b))]
+    commands = [n for n in driven if held(_values(core, n))]
+    pairs = [(a, b) for a, b in pairs if a not in commands or held(_values(core, b))]
     warm = [n for n in core.outputs if units[n] in ("K", "degC")]
     cold = [
         (1.0, ZERO),
@@ -138,11 +140,6 @@ def unsigned(core: Core) -> list[Reading]:
     may = {v.name for v in core.model.inputs if v.min is None or v.min < 0.0}
     one = [n for n in inputs(core) if n in may and _values(core, n).min() >= 0.0]
     return [Reading(signed=(u, y)) for u in one for y in both_signs]
-
-
-def _held(core: Core, name: str) -> bool:
-    """Whether a channel mostly keeps its value from sample to sample, as no reading does."""
-    return float(np.mean(np.diff(_values(core, name)) == 0.0)) > HELD
 
 
 def _values(core: Core, name: str) -> np.ndarray:

@@ -6,6 +6,7 @@ from reconcile.recordings.noise import high_pass_level, quantum
 
 LEAST = 10  # samples in a row
 MOSTLY = 0.5  # of the samples lie within the range, else the signal has two levels
+HELD = 0.5  # of the samples, that are as the one before
 LITTLE = 0.1  # of a signal: near to nothing
 BRIEF = 0.1  # of its samples: on its way from one sign to the other
 FEW = 0.05  # of the samples: those that may stand for no value
@@ -45,6 +46,11 @@ def far_off(values: np.ndarray) -> np.ndarray:
         if off.any() and near > BEYOND * (rest[-1] - rest[0]) and _moves(values[~off]):
             return off & (values != 0.0)
     return np.zeros(len(values), bool)
+
+
+def held(values: np.ndarray) -> bool:
+    """Whether a signal [n] mostly keeps its value from sample to sample: it moves in steps, as no reading."""
+    return float(np.mean(np.diff(values) == 0.0)) > HELD
 
 
 def turns_at_nothing(values: np.ndarray) -> bool:

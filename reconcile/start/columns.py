@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reconcile.recordings.ends import far_off
+from reconcile.recordings.ends import far_off, held
 from reconcile.start.headings import (
     QUANTITIES,
     is_of,
@@ -27,7 +27,6 @@ LEAST_SAMPLES = 30
 ALIKE = 0.95  # correlation of a column with the slope of a position that makes it a velocity
 SAME = 0.1  # by which its size may differ from that slope, in the same or another usual unit
 USUAL = (1.0, 1.0 / 6.0, *known_ratios())  # ratios of units; 1/6: rpm beside degrees
-HELD = 0.5  # share of samples equal to the one before, of what moves in steps
 JUMP, SWITCHED = 0.2, 0.8  # of its range, that a signal jumps by; of all its changes, that are jumps
 MOTION = ("position", "velocity")
 VOLTAGES, CURRENTS = {"voltage", "volt", "spannung"}, {"current", "strom"}
@@ -60,7 +59,7 @@ class Column:
     @property
     def held(self) -> bool:
         """Whether it moves in steps."""
-        return float(np.mean(np.diff(self.values) == 0.0)) > HELD
+        return held(self.values)
 
     @property
     def switched(self) -> bool:

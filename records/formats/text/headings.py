@@ -49,7 +49,7 @@ def _of_runs(cells: Sequence[tuple[str, str]], style: re.Pattern[str] | None) ->
 
     None where not every column is of a run.
     """
-    if not all(run for _, run in cells):
+    if not cells or not all(run for _, run in cells):
         return None
     first, heads = cells[0][1], [_heading(cell, style, letter=True) for cell, _ in cells]
     return [
