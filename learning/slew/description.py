@@ -42,9 +42,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import SkipValidation
 
 from fmus.models.slew_nn.network import CELL_AXES, HISTORY, INPUTS, PERIOD_S
 from learning.slew import bodies
@@ -56,7 +57,7 @@ CHANNELS = ("u", "p_l", "p_r", "omega", "inertia")  # in network.py's order
 PLACES = [(channel, row) for channel in CHANNELS[:-1] for row in range(HISTORY)] + [("inertia", 0)]
 SI = {"u": "1", "p_l": "Pa", "p_r": "Pa", "omega": "rad/s", "inertia": "kg.m2"}
 OUTPUTS = {"pressure": ("p_l", "p_r"), "velocity": ("omega",)}
-Statistics = dict[str, float] | list[float] | None
+Statistics = Annotated[dict[str, float] | list[float] | None, SkipValidation]  # checked by Description
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,8 +216,10 @@ class Description:
         _same_names(f"{name}.inputs", part.inputs, CHANNELS)
         _same_names(f"{name}.outputs", part.outputs, outputs)
         for key in ("mean_in", "std_in"):
+            _check_form(f"{name}.{key}", getattr(part, key), CHANNELS, INPUTS)
             self._check_numbers(f"{name}.{key}", part.inputs_of(key))
         for key in ("mean_out", "std_out"):
+            _check_form(f"{name}.{key}", getattr(part, key), outputs, len(outputs))
             self._check_numbers(f"{name}.{key}", part.outputs_of(key))
 
     def _check_numbers(self, name: str, values: np.ndarray) -> None:
@@ -266,6 +269,19 @@ def _groups(inputs: list[str]) -> list[list[str]]:
         else:
             groups[-1].append(channel)
     return [group for group in groups if group]
+
+
+def _check_form(name: str, given: Any, channels: tuple[str, ...], count: int) -> None:
+    """Refuse what is neither a table by channel nor a list, and what in it is no number."""
+    if given is None:
+        return
+    if not isinstance(given, dict | list):
+        numbers = "one number in brackets, such as [0.0]" if count == 1 else f"{count} numbers in brackets"
+        table = ", ".join(f"{channel} = …" for channel in channels)
+        raise InputError(f"{name} is {given!r}; write {numbers}, or a table by channel: {{ {table} }}")
+    for key, value in given.items() if isinstance(given, dict) else enumerate(given):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{name}.{key}: {value!r} is no number")
 
 
 def _same_names(what: str, given: list[str] | Mapping[str, Any], wanted: tuple[str, ...] | list[str]) -> None:

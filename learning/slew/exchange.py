@@ -18,7 +18,7 @@ from fmus.models.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetw
 from learning.slew import description as described
 from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Inertia, Part
 from records.figures_file import make_folder
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
 WRAPPERS = ("state_dict", "model_state_dict", "model")  # under which training scripts put a state dict
 
@@ -105,7 +105,8 @@ def _layers(path: Path) -> list[tuple[np.ndarray, np.ndarray]]:
     known = {key for key in stored if key.rpartition(".")[2] in ("weight", "bias")}
     if unknown := [str(key) for key in stored if key not in known]:
         raise InputError(
-            f"{path}: holds {', '.join(unknown[:3])}; only linear layers (weight, bias) are known"
+            f"{path}: holds {', '.join(unknown[:3])}; only linear layers (weight, bias) are known; means and "
+            "deviations belong in the description"
         )
     layers = []
     for key in (key for key in stored if key.endswith("weight")):
@@ -123,6 +124,8 @@ def _layers(path: Path) -> list[tuple[np.ndarray, np.ndarray]]:
 def _stored(path: Path) -> dict[str, np.ndarray]:
     import torch
 
+    if not path.is_file():
+        raise InputError(f"there is no state dict at {path}")
     try:
         with warnings.catch_warnings(action="ignore"):  # torch tells its users how to load TorchScript
             found = torch.load(path, map_location="cpu", weights_only=True)
@@ -133,8 +136,13 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
         ) from error
     if isinstance(found, Mapping):
         found = next((found[key] for key in WRAPPERS if isinstance(found.get(key), Mapping)), found)
-    if not isinstance(found, Mapping) or not all(isinstance(v, torch.Tensor) for v in found.values()):
+    if not isinstance(found, Mapping):
         raise InputError(f"{path}: holds a {type(found).__name__}, not a state dict of tensors")
+    if other := [str(key) for key, value in found.items() if not isinstance(value, torch.Tensor)]:
+        raise InputError(
+            f"{path}: {listed(other, 3)}: no tensor; valid: a state dict, also as "
+            f"{' or '.join(WRAPPERS)} of a checkpoint"
+        )
     return {str(key): value.to(torch.float64).numpy() for key, value in found.items()}
 
 

@@ -9,7 +9,8 @@ from onnx import helper, numpy_helper
 
 from specs.errors import InputError
 
-PASSED = ("Identity", "Flatten", "Cast", "Dropout")
+RESHAPED = ("Flatten", "Reshape", "Squeeze", "Unsqueeze")  # the same numbers in the same order
+PASSED = ("Identity", "Cast", "Dropout", *RESHAPED)
 
 
 class Reader:
@@ -17,11 +18,15 @@ class Reader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        if not path.is_file():
+            raise InputError(f"there is no ONNX file at {path}")
         try:
             graph = onnx.load(str(path)).graph
+            self.constants = {t.name: numpy_helper.to_array(t) for t in graph.initializer}
+        except onnx.checker.ValidationError as error:
+            raise InputError(f"{path}: its weights lie in a file that cannot be read: {error}") from error
         except Exception as error:  # protobuf's and onnx's own errors, of many kinds
             raise InputError(f"{path}: not a readable ONNX file ({type(error).__name__})") from error
-        self.constants = {t.name: numpy_helper.to_array(t) for t in graph.initializer}
         self.makers = {name: node for node in graph.node for name in node.output}
         for node in graph.node:
             if node.op_type == "Constant":
@@ -67,7 +72,8 @@ class Reader:
         while value != self.input:
             node = self._maker(value)
             yield node
-            moving = [n for n in node.input if n not in self.constants and not self._is_gather(n)]
+            values = node.input[:1] if node.op_type in RESHAPED else node.input  # not the shape
+            moving = [n for n in values if n not in self.constants and not self._is_gather(n)]
             if len(moving) != 1:
                 raise InputError(
                     f"{self.path}: node {_shown(node)} joins {len(moving)} values: no plain chain"

@@ -59,7 +59,7 @@ def find(text: str, our_inertia: bool = False, also: Sequence[str] = ()) -> Plan
     path = Path(text)
     if not path.exists():
         valid = nearest(text, [*names(), *also])
-        raise InputError(f"no plant '{text}': {valid}, or a .npz file, FMU or folder")
+        raise InputError(f"no plant '{text}': {valid} (or a .npz file, FMU or folder)")
     found = _of_path(path, our_inertia)
     if found.name in OURS:
         raise InputError(f"{path}: one of the project's plants is called {found.name}; give it another name")

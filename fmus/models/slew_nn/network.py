@@ -217,6 +217,8 @@ class SlewNetwork:
     def load(cls, path: Path | str) -> "SlewNetwork":
         """Read what `save` wrote; raises InputError naming file and what is wrong with it."""
         try:
+            if Path(path).is_file() and not zipfile.is_zipfile(path):
+                raise InputError(f"{path} is damaged or not a slew network: it is no whole .npz file")
             with np.load(path, allow_pickle=False) as found:
                 arrays = {name: found[name] for name in found.files}
             head = json.loads(arrays["head"].tobytes())

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import onnxruntime as ort
 import pytest
 import torch
-from onnx import helper, load, numpy_helper
+from onnx import helper, load, numpy_helper, save_model
 
 from fmus.models.slew import traces
 from fmus.models.slew_nn.network import CELL_AXES, HISTORY, Mlp, SlewNetwork
@@ -287,6 +288,56 @@ def test_matmul_and_add_are_layers_too(tmp_path: Path) -> None:
     assert_same(from_onnx(files[0], files[1], files[3]), network, 1e-6)
 
 
+def with_shapes(model: Any) -> None:
+    """The input as [n, 1, 41], brought to [n, 41] by a squeeze and a reshape to a computed shape."""
+    first = model.graph.node[0]
+    name = model.graph.input[0].name
+    at = list(first.input).index(name)
+    axes = numpy_helper.from_array(np.array([1]), "axes")
+    sizes = numpy_helper.from_array(np.array([1, 1]), "sizes")
+    model.graph.initializer.extend([axes, sizes])
+    nodes = [
+        helper.make_node("Squeeze", [name, "axes"], ["flat"]),
+        helper.make_node("Shape", ["flat"], ["shape"]),
+        helper.make_node("Mul", ["shape", "sizes"], ["wanted"]),
+        helper.make_node("Reshape", ["flat", "wanted"], ["reshaped"]),
+    ]
+    first.input[at] = "reshaped"
+    kept = [*nodes, *model.graph.node]
+    del model.graph.node[:]
+    model.graph.node.extend(kept)
+    model.graph.input[0].type.tensor_type.shape.dim.insert(
+        1, model.graph.input[0].type.tensor_type.shape.dim[1]
+    )
+    model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 1
+
+
+def test_an_input_of_another_shape_with_the_same_numbers_is_read(fitted: SlewNetwork, tmp_path: Path) -> None:
+    files = to_onnx(replace(fitted, visited=None), tmp_path)
+    for path in files[:2]:
+        model = load(path)
+        with_shapes(model)
+        path.write_bytes(model.SerializeToString())
+        session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
+        assert len(session.get_inputs()[0].shape) == 3
+    assert_same(from_onnx(files[0], files[1], files[3]), fitted, 1e-12)
+
+
+def test_weights_in_a_file_of_their_own_are_read_and_missed(fitted: SlewNetwork, tmp_path: Path) -> None:
+    files = to_onnx(fitted, tmp_path)
+    save_model(load(files[0]), files[0], save_as_external_data=True, location="weights.bin", size_threshold=0)
+    assert_same(from_onnx(files[0], files[1], files[3]), fitted, 1e-12)
+    content = (tmp_path / "weights.bin").read_bytes()
+    (tmp_path / "weights.bin").write_bytes(content[:100])
+    with pytest.raises(InputError, match=r"pressure\.onnx: not a readable ONNX file"):
+        from_onnx(files[0], files[1], files[3])
+    (tmp_path / "weights.bin").unlink()
+    with pytest.raises(InputError, match=r"pressure\.onnx: its weights lie in a file .*weights\.bin"):
+        from_onnx(files[0], files[1], files[3])
+    with pytest.raises(InputError, match="there is no ONNX file at"):
+        from_onnx(tmp_path / "missing.onnx", files[1], files[3])
+
+
 def _without(key: str) -> Callable[[dict[str, Any]], None]:
     return lambda stored: stored.pop(key)
 
@@ -324,8 +375,16 @@ def test_swapped_files_strangers_and_code_are_refused(tmp_path: Path) -> None:
     torch.save(torch.nn.Linear(41, 2), tmp_path / "whole.pt")  # a pickled module could run code
     (tmp_path / "noise.pt").write_bytes(b"no network")
     torch.jit.script(torch.nn.Linear(41, 2)).save(tmp_path / "script.pt")
-    for name in ("whole.pt", "noise.pt", "script.pt", "missing.pt"):
-        with pytest.raises(InputError, match=name):
+    stored = {"net": {}, "mean": torch.zeros(41), "epoch": 3}
+    torch.save(stored, tmp_path / "other.pt")
+    for name, said in {
+        "whole.pt": "whole.pt",
+        "noise.pt": "noise.pt",
+        "script.pt": "script.pt",
+        "missing.pt": "there is no state dict at .*missing.pt",
+        "other.pt": "other.pt: net, epoch: no tensor; valid: a state dict, also as state_dict",
+    }.items():
+        with pytest.raises(InputError, match=said):
             from_state_dict(tmp_path / name, velocity, told)
     with pytest.raises(InputError, match=r"pair of \.onnx"):
         read_pair(pressure, tmp_path / "velocity.onnx", told)
@@ -355,6 +414,38 @@ def test_descriptions_that_say_something_else_are_refused(
     files[2].write_text(files[2].read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=said):
         from_state_dict(*files)
+
+
+@pytest.mark.parametrize(
+    ("said_so", "answer"),
+    [
+        (
+            "mean_out = 0.0",
+            r"velocity.mean_out is 0.0; write one number in brackets, such as \[0.0\], or a table .*omega",
+        ),
+        (
+            'mean_in = "theirs"',
+            "velocity.mean_in is 'theirs'; write 41 numbers in brackets, or a table .*inertia = …",
+        ),
+        ('std_out = ["1"]', "velocity.std_out.0: '1' is no number"),
+        (
+            "mean_in = { u = 0, p_l = 0, p_r = 0, omega = true, inertia = 0 }",
+            "mean_in.omega: True is no number",
+        ),
+        ("std_out = [1.0, 2.0]", "std_out has 2 numbers; 1 are needed"),
+    ],
+)
+def test_statistics_in_another_form_are_refused_in_plain_words(
+    said_so: str, answer: str, tmp_path: Path
+) -> None:
+    files = write_foreign(untrained(7, (24, 16), (16,)), tmp_path)
+    before, part, after = files[2].read_text().partition("[velocity]")
+    key = said_so.split(" ")[0]
+    lines = [line for line in after.splitlines() if not line.startswith(f"{key} =")]
+    files[2].write_text(f"{before}{part}\n{said_so}\n" + "\n".join(lines))
+    with pytest.raises(InputError, match=answer) as found:
+        from_state_dict(*files)
+    assert "dict[" not in str(found.value)
 
 
 # ---- does it fit a recording ----
