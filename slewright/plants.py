@@ -16,7 +16,9 @@ from specs.errors import InputError
 
 ADMISSION_TARGETS = 20
 HELP = "nominal, networks, networks-forward, published, published-mirror, machine; or a .npz, FMU or folder"
-PlantOption = Annotated[str | None, typer.Option("--plant", metavar="PLANT", help=f"Plant: {HELP}.")]
+PlantOption = Annotated[  # a list, so that a second one is seen; one_plant() refuses it
+    list[str] | None, typer.Option("--plant", metavar="PLANT", help=f"One plant: {HELP}.")
+]
 OurInertiaOption = Annotated[
     bool,
     typer.Option("--our-inertia", help="A plant that does not state its inertia number takes the project's."),
@@ -47,6 +49,15 @@ def check_excluded(
     for name, values in single.items():
         if values and len(values) > 1:
             raise InputError(f"{name} {', '.join(map(str, values))}: one {name[2:]} with {option}")
+
+
+def one_plant(texts: Sequence[str] | None) -> str | None:
+    """The plant of --plant; InputError where several are asked for."""
+    if texts and (len(texts) > 1 or texts[0] == "all"):
+        raise InputError(
+            f"--plant {', '.join(texts)}: one plant at a time; slewright compare --plants PLANT takes several"
+        )
+    return texts[0] if texts else None
 
 
 def check_inertia(our_inertia: bool, plant: object, option: str = "--plant") -> None:

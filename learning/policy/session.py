@@ -146,9 +146,9 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     if chosen.envs < len(paths):
         raise InputError(f"envs = {chosen.envs}: valid is from {len(paths)}, one machine a slew network")
     data, commit = digest(paths), source_state()
-    out = _folder(options.out)
     device = device_of(options.device, chosen)
     trainer = make_trainer(chosen, paths, options.seed, device, options.our_inertia)
+    out = _folder(options.out)  # not before: what is refused leaves none
     training = Training(trainer, options.seed, out / checkpoint.NAME, data)
     training.resume()
     began = trainer.done

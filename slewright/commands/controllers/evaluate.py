@@ -17,6 +17,7 @@ from slewright.plants import (
     check_excluded,
     check_inertia,
     on_plant,
+    one_plant,
 )
 from slewright.progress import progress
 from slewright.sealed import SealedOption
@@ -68,13 +69,14 @@ def evaluate(
         Path | None,
         typer.Option("--figures", metavar="DIR", help="Draw two runs on the reference machine there."),
     ] = None,
-    plant: PlantOption = None,
+    plants: PlantOption = None,
     our_inertia: OurInertiaOption = False,
     targets: TargetsOption = 100,
     seed: SeedOption = 1,
     json: JsonOption = None,
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
+    plant = one_plant(plants)
     if plant is not None:
         excluded = {"--machines": machines, "--draws": draw_set != DRAWS, "--matched": matched,
                     "--sealed": sealed, "--out": out != OUT, "--page": page, "--mark": mark,

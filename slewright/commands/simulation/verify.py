@@ -10,7 +10,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
-from slewright.plants import OurInertiaOption, PlantOption, check_excluded, check_inertia
+from slewright.plants import OurInertiaOption, PlantOption, check_excluded, check_inertia, one_plant
 from slewright.progress import progress
 from specs.errors import InputError
 from specs.progress import Report
@@ -58,7 +58,7 @@ def verify(
             help="Verify the control core of this bundle, on the reference machine.",
         ),
     ] = None,
-    plant: PlantOption = None,
+    plants: PlantOption = None,
     our_inertia: OurInertiaOption = False,
     json: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Scenarios run at the same time.")] = 2,
@@ -74,6 +74,7 @@ def verify(
     from verification import choice, readme as results, verify as verification
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
+    plant = one_plant(plants)
     check_inertia(our_inertia, plant)
     found = _plant(plant, our_inertia, {"--bundle": bundle, "--readme": readme}, system)
     systems = [found.system] if found else systems

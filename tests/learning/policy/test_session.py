@@ -242,6 +242,9 @@ def test_an_imported_plant_is_trained_on_if_it_says_its_inertia_number(tmp_path:
     chosen = recipe("slew", **SMALL)
     with pytest.raises(InputError, match="--our-inertia"):
         session.make_trainer(chosen, [path], 1)
+    with pytest.raises(InputError, match="--our-inertia"):
+        session.run(replace(told, out=tmp_path / "out"), lambda said: None)
+    assert not (tmp_path / "out").exists()  # what is refused leaves no folder
     assert session.make_trainer(chosen, [path], 1, our_inertia=True)
     assert replace(told, our_inertia=True).command.endswith(" --our-inertia")
     stranger.told_in_our_inertia(0.8, 0.0).save(path)

@@ -274,6 +274,9 @@ def test_compare_on_plants_is_one_table(tmp_path: Path) -> None:
     "words",
     [
         ["evaluate", str(POLICY), "--plant", "publisht"],
+        ["evaluate", str(POLICY), "--plant", "published", "--plant", "machine"],
+        ["evaluate", str(POLICY), "--plant", "all"],
+        ["verify", "--plant", "published", "--plant", "machine"],
         ["evaluate", str(POLICY), "--plant", "published", "--machines", "3"],
         ["evaluate", str(POLICY), "--plant", "published", "--load", "empty", "--load", "2t"],
         ["evaluate", str(POLICY), "--plant", "published", "--draws", "tuning"],
