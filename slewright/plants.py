@@ -69,8 +69,9 @@ def check_inertia(our_inertia: bool, plant: object, option: str = "--plant") -> 
 def on_plant(texts: Sequence[str], plant: str, our_inertia: bool, asked: Asked, json: Path | None) -> None:
     """Try policies or controllers on one plant, show the table, write the figures."""
     from verification.plants import study
+    from verification.plants.plant import find
 
-    on = study.find_plants([plant], our_inertia)
+    on = [find(plant, our_inertia)]
     task = study.task_of(texts)
     warn_of_ranges(texts, asked)
     found = tried(study.find_controllers(texts), on, task, asked)

@@ -296,6 +296,17 @@ def test_wrong_words_end_with_2(words: list[str], capsys: Any) -> None:
     assert "slewright: " in capsys.readouterr().err
 
 
+def test_several_plants_are_not_taken_for_one(capsys: Any) -> None:
+    """What is said names them and the command for several; `all` is no valid choice of `evaluate`."""
+    for plants in (["published", "machine"], ["all"]):
+        words = [word for plant in plants for word in ("--plant", plant)]
+        assert entry.run(["evaluate", str(POLICY), *words]) == 2
+        said = f"--plant {', '.join(plants)}: one plant at a time; slewright compare --plants"
+        assert said in " ".join(capsys.readouterr().err.split())
+    assert entry.run(["evaluate", str(POLICY), "--plant", "moon"]) == 2
+    assert "valid: machine, networks," in " ".join(capsys.readouterr().err.split())
+
+
 def test_verify_runs_on_a_plant(tmp_path: Path, capsys: Any) -> None:
     """Report and figures say which plant it was, and where it left its trained region."""
     published = SlewNetwork.load(ROOT / "fmus" / "models" / "slew_published" / "weights.npz")
