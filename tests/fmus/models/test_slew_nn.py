@@ -192,7 +192,7 @@ def test_the_nominal_system_runs_with_the_networks(version: int, tmp_path: Path)
 @pytest.mark.parametrize("content", [b"", b"nonsense", b"PK"])
 def test_a_file_that_is_no_network_is_named(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "net.npz").write_bytes(content)
-    with pytest.raises(InputError, match="damaged or not a slew network: it is no whole .npz file"):
+    with pytest.raises(InputError, match=r"not a slew network: it is no whole \.npz file"):
         SlewNetwork.load(tmp_path / "net.npz")
 
 
