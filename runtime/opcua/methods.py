@@ -63,9 +63,12 @@ class Methods:
         """Wait until the control process has given the right; why not."""
         end = time.monotonic() + ANSWER_S
         while not self._seat.has_right:
+            if self._seat.client != client:  # this process was held up, and the claim has lapsed
+                return "busy: its claim lapsed before it was answered"
             if time.monotonic() > end:
-                self._seat.release(client, "was not given the right to command")
-                return "busy: somebody else has the right to command"
+                why = self._seat.why_not()
+                self._seat.release(client, f"was not given the right to command: {why}")
+                return f"busy: {why}"
             await asyncio.sleep(0.01)
         return ""
 
