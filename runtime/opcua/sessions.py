@@ -23,7 +23,7 @@ SUBSCRIPTIONS = 16  # of a session
 CONNECTIONS = 256
 UNREAD_BYTES = 8 << 20  # that may wait for a client that does not take its answers
 IDLE_S = 5.0  # for which a connection may be without a session
-TIMEOUT_MS = 30_000.0  # for which a session may say nothing, one whose connection has ended among them
+TIMEOUT_MS = 60_000.0  # for which a session may say nothing, one whose connection has ended among them
 ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 CALLING: ContextVar[Any] = ContextVar("calling")  # the session that calls
 
