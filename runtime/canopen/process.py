@@ -5,6 +5,7 @@ again whenever it comes back; a process that is started again leaves alone what 
 """
 
 import json
+import logging
 import os
 import signal
 import time
@@ -94,6 +95,8 @@ def main(text: str) -> None:
     """Look after the devices until told to end."""
     end_with(signal.SIGTERM)
     library("canopen", "canopen", "canopen")
+    for name in ("canopen", "can"):  # who sends nonsense must not fill our disk
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     os.nice(NICE)
     Process(json.loads(text)).run()
 

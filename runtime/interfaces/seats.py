@@ -81,6 +81,10 @@ class Seat:
         """Whether what was asked for counts."""
         return bool(self.client) and granted(self._granted) == (self._number, int(self.state["owner"]))
 
+    def why_not(self) -> str:
+        """Why what was asked for does not count."""
+        return "somebody else has it" if self._granted.number else "the controller does not run yet"
+
     def ask(self, client: str, values: Mapping[str, float], now: int) -> str:
         """Take new targets of a client at `now` [ns], and its sign of life; "" or why they are refused."""
         if reason := invalid(values):
@@ -142,8 +146,7 @@ class Seat:
             self._tell(f"{self.client} has the right to command", Level.NOTE)
         elif self.client and not self._had and not self._told and now - self._asked_ns >= LAPSE_NS:
             self._told = True
-            why = "somebody else has it" if self._granted.number else "the controller does not run yet"
-            self._tell(f"{self.client} is refused the right to command: {why}", Level.WARNING)
+            self._tell(f"{self.client} is refused the right to command: {self.why_not()}", Level.WARNING)
         news = tuple(int(self.state[key]) for key in ("owner", "commits", "heartbeat_ns"))
         if news != self._published:  # nothing else is read: the cycle is not bothered for less
             self._published = news

@@ -6,6 +6,7 @@ list and the audit log have it then, too (runtime/interfaces/told.py).
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ from asyncua.server.server import Server
 
 from runtime.hmi.alarms import Level
 from runtime.interfaces.news import Line
-from runtime.opcua.methods import client_of
+from runtime.opcua.sessions import client_of
 
 ua: Any = types  # its declared types leave out much of what it takes
 
@@ -105,7 +106,9 @@ class Events:
             del self._conditions[next(iter(self._conditions))]
 
     async def _show(self, condition: Condition) -> None:
-        event, line = self._alarm.event, condition.line
+        # another object each time: the server keeps it for a client that asks for a refresh
+        event, line = copy(self._alarm.event), condition.line
+        self._alarm.event = event
         event.NodeId = ua.NodeId(f"Alarms.{line.key}", self._index)
         event.ConditionName, event.Retain = line.key, condition.retained
         event.ActiveState = ua.LocalizedText("Active" if line.active else "Inactive")

@@ -2,55 +2,19 @@
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
-from contextvars import ContextVar
+from collections.abc import Callable
 from typing import Any
 
 from asyncua import ua as types
-from asyncua.server.internal_server import InternalServer
-from asyncua.server.internal_session import InternalSession
 
 from runtime.interfaces.seats import Seat
+from runtime.opcua.sessions import CALLING, client_of
 from specs.opcua import METHODS, Method
 
 ua: Any = types  # its declared types leave out much of what it takes
 
 CODES = ua.StatusCodes
 ANSWER_S = 0.5  # for which a claim waits for the control process
-ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
-CALLING: ContextVar[Any] = ContextVar("calling")  # the session that calls
-
-
-class Session(InternalSession):
-    """A session whose methods know who calls them."""
-
-    async def call(self, params: Any) -> Any:
-        """asyncua's, with the session in CALLING; alarms are no nodes, and are acknowledged here."""
-        CALLING.set(self)
-        found: list[Any] = []
-        for request in params:
-            if request.MethodId == ACKNOWLEDGE:
-                code = await self.iserver.acknowledge(self, request)  # type: ignore[attr-defined]
-                found.append(ua.CallMethodResult(ua.StatusCode(code)))
-            else:
-                found += await super().call([request])
-        return found
-
-    async def close_session(self, delete_subs: bool = True) -> None:
-        """asyncua's; what the client commanded lapses with it."""
-        self.iserver.gone(self)  # type: ignore[attr-defined]
-        await super().close_session(delete_subs)
-
-
-class Sessions(InternalServer):
-    """Makes our sessions; `gone` is told of each that ends, `acknowledge` of each call of that method."""
-
-    gone: Callable[[Any], None] = staticmethod(lambda session: None)
-    acknowledge: Callable[[Any, Any], Awaitable[int]]
-
-    def create_session(self, name: str, user: Any = None, external: bool = False) -> Session:
-        """asyncua's."""
-        return Session(self, self.aspace, self.subscription_service, name, user=user, external=external)
 
 
 class Methods:
@@ -99,9 +63,12 @@ class Methods:
         """Wait until the control process has given the right; why not."""
         end = time.monotonic() + ANSWER_S
         while not self._seat.has_right:
+            if self._seat.client != client:  # this process was held up, and the claim has lapsed
+                return "busy: its claim lapsed before it was answered"
             if time.monotonic() > end:
-                self._seat.release(client, "was not given the right to command")
-                return "busy: somebody else has the right to command"
+                why = self._seat.why_not()
+                self._seat.release(client, f"was not given the right to command: {why}")
+                return f"busy: {why}"
             await asyncio.sleep(0.01)
         return ""
 
@@ -111,8 +78,3 @@ class Methods:
         self._tell(f"{client} was refused {method.name}: {reason}")
         busy = reason.startswith("busy") or method.name == "Heartbeat"
         return ua.StatusCode(CODES.BadUserAccessDenied if busy else CODES.BadOutOfRange)
-
-
-def client_of(session: Any) -> str:
-    """A session's client for people and for the seat: its certificate's name and the session's number."""
-    return f"{getattr(session.user, 'name', '?')} (session {session.session_id.Identifier})"

@@ -27,7 +27,6 @@ from specs.version import VERSION
 SHOWN_S = 0.1  # between two states of the nodes
 BEAT_S = 0.02
 MESSAGE_BYTES = 1 << 20  # of one request or answer
-SESSIONS = 32
 
 
 class Served:
@@ -52,18 +51,19 @@ class Served:
 
     async def serve(self) -> None:
         """Serve until told to end."""
-        from asyncua.server.internal_session import InternalSession
         from asyncua.server.server import Server
 
         from runtime.opcua.alarms import Events
-        from runtime.opcua.methods import Methods, Sessions
+        from runtime.opcua.methods import Methods
         from runtime.opcua.security import Users
+        from runtime.opcua.sessions import Sessions, Unheard
         from runtime.opcua.space import Space
 
         security = self.told.get("security")
         users = Users(Path(security["authority"]) if security else None, self.tell)
-        InternalSession.max_connections = SESSIONS
-        server = Server(iserver=Sessions(user_manager=users))  # type: ignore[arg-type]
+        sessions = Sessions(users, self.tell)
+        Unheard(self.tell)
+        server = Server(iserver=sessions)
         await server.init()
         await self._set_up(server, users, security)
         space, methods = Space(), Methods(self.seat, self.tell)
@@ -71,8 +71,7 @@ class Served:
         await space.build(server)
         await events.build(server, space.machine)
         methods.link(server, space.methods)
-        server.iserver.gone = methods.gone  # type: ignore[attr-defined]
-        server.iserver.acknowledge = events.acknowledge  # type: ignore[attr-defined]
+        sessions.gone, sessions.acknowledge = methods.gone, events.acknowledge
         try:
             await server.start()
         except OSError as error:
@@ -80,7 +79,7 @@ class Served:
             raise InputError(f"opcua: {at} cannot be had: {error.strerror}") from None
         try:
             ready(self.told["ready"], _port(server))
-            await self._go_on(space, events)
+            await self._go_on(space, events, sessions)
         finally:
             await server.stop()
 
@@ -103,10 +102,11 @@ class Served:
         server.set_security_policy(policies)
         await server.set_build_info("urn:slewright", "Slewright", "slewright", VERSION, "", datetime.now(UTC))
 
-    async def _go_on(self, space: Any, events: Any) -> None:
+    async def _go_on(self, space: Any, events: Any, sessions: Any) -> None:
         due = 0.0
         while not told_to_end():
             self.seat.beat(time.monotonic_ns())
+            await sessions.tidy()
             seen = self.view.new()
             if seen:
                 self._last, self._lost = seen, False
@@ -134,7 +134,8 @@ def main(text: str) -> None:
     """Serve until told to end."""
     end_with(signal.SIGTERM)
     library("asyncua", "asyncua", "opcua")
-    logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # who sends nonsense must not fill our disk
+    for name in ("asyncua", "asyncio"):  # who sends nonsense must not fill our disk
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     os.nice(NICE)
     asyncio.run(Served(json.loads(text)).serve())
 

@@ -45,6 +45,12 @@ class Users:
             return None
         return Client(name or "a client", may_write(certificate), may_acknowledge(certificate))
 
+    def has_role(self, certificate: bytes | None) -> bool:
+        """Whether a certificate is trusted, and lets its holder command or acknowledge."""
+        if not certificate or self.distrust(certificate):
+            return False
+        return may_write(certificate) or may_acknowledge(certificate)
+
     def distrust(self, certificate: bytes) -> str:
         """Why a certificate (DER) is not trusted; "" if it is."""
         from cryptography import x509

@@ -55,8 +55,13 @@ class Master:
             "identities": {n: list(i.named().values()) for n, i in identities({}).items()},
         }  # fmt: skip
         command = [sys.executable, "-m", "runtime.canopen.process", json.dumps(told)]
-        self.process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
+        with (self.folder / "console").open("ab") as console:
+            self.process = subprocess.Popen(command, cwd=ROOT, stderr=console)
         return self.process
+
+    def console(self) -> str:
+        """All that the process wrote there."""
+        return (self.folder / "console").read_text()
 
     def accepted(self) -> dict[str, int]:
         """The setting in force of each node; 0: none."""
@@ -130,6 +135,10 @@ class ByHand(threading.Thread):
     def emergency(self, data: str) -> None:
         """An emergency of these bytes."""
         self._send(0x080 + self.NODE, bytes.fromhex(data))
+
+    def heartbeat(self, data: bytes) -> None:
+        """A heartbeat of these bytes."""
+        self._send(0x700 + self.NODE, data)
 
     def _send(self, identifier: int, data: bytes) -> None:
         self._bus.send_raw(identifier, data)

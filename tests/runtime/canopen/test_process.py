@@ -127,5 +127,8 @@ def test_nonsense_for_answers_is_a_device_that_does_not_answer_and_the_process_l
     until(lambda: master.accepted()["encoder_slew"])
     device.emergency("")
     device.emergency("31 33")
+    device.heartbeat(b"")
     until(lambda: "an emergency of 2 bytes, which says nothing" in master.said())
+    lines = master.console().splitlines()
+    assert all(line.startswith("slewright: CANopen: ") for line in lines)  # nothing for each odd frame
     device.ended = True
