@@ -15,6 +15,7 @@ from deployment.faults.table import Fault, Outcome
 from runtime.bundle import Bundle
 from runtime.image import Flag
 from runtime.supervisor import Supervisor
+from specs.errors import RunError
 from specs.progress import Report
 
 ATTACK_TICKS = 40  # longer than a heartbeat may stand still
@@ -30,7 +31,10 @@ def run_all(
     report: Report,
     more: Mapping[str, Callable[..., None]],
 ) -> list[Outcome]:
-    """Each of the `wanted` faults `count` times; `more` injects those that are not here."""
+    """Each of the `wanted` faults `count` times; `more` injects those that are not here.
+
+    One that ends early, since the machine did not go on, is not passed.
+    """
     makers: dict[str, Callable[..., None]] = {
         **more,
         "control_killed": _control_killed,
@@ -45,7 +49,12 @@ def run_all(
         random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
         outcome = Outcome(fault)
         with Plant(bundle, seed, canopen=fault.name.startswith("canopen_")) as plant:
-            makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
+            try:
+                makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
+            except (
+                RunError
+            ) as error:  # what came before it counts, and the other faults are injected all the same
+                outcome.missed.append(f"ended after {outcome.injected} of {count} injections: {error}")
         outcomes.append(outcome)
     return outcomes
 

@@ -4,9 +4,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from typing import Any
 
 import pytest
 
+from deployment.faults import processes
 from deployment.faults.attacks import attacker
 from deployment.faults.episodes import REPEATS, Result, episodes
 from deployment.faults.lines import Lines
@@ -85,6 +88,23 @@ def test_an_error_is_a_late_rigs_or_ends_the_run():
     found = iter([True])
     with pytest.raises(RunError, match="did not come"):
         outcome_of(Rig(False, False), inject)
+
+
+def test_a_fault_that_ends_early_keeps_its_figures_and_the_others_are_injected(monkeypatch):
+    monkeypatch.setattr(processes, "Plant", lambda *a, **k: nullcontext(Rig()))
+
+    def ends(plant, outcome: Outcome, count: int, random, report) -> None:
+        outcome.add(0, 10.0)
+        raise RunError("automatic operation did not come")
+
+    def caught(plant, outcome: Outcome, count: int, random, report) -> None:
+        outcome.add(0, 10.0)
+
+    wanted = [Fault(name, "", "", 40.0) for name in ("first", "second")]
+    bundle: Any = None
+    found = processes.run_all(bundle, wanted, 3, 1, quiet, {"first": ends, "second": caught})
+    assert [(o.injected, o.caught, o.passed) for o in found] == [(1, 1, False), (1, 1, True)]
+    assert found[0].missed == ["ended after 1 of 3 injections: automatic operation did not come"]
 
 
 def test_a_sender_is_late_a_period_before_its_receiver_takes_it_for_lost():
