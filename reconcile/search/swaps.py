@@ -41,10 +41,10 @@ class Swaps:
         return [less | {b} for b in todo]
 
     def twins(self, key: Key, a: Attached) -> list[Key]:
-        """Sets with an effect of the same units, of its kind or at its port, in an effect's place, whatever its score.
+        """Sets with an effect of the same units in an effect's place, whatever its score: a kin, or at its port.
 
-        A delay of the only input is one of all outputs, and its own score may see a local optimum.  Dry friction
-        of what turns one way only is a load, and a load scores more from a model that has absorbed it.
+        A delay of the only input is one of all outputs, and its own score may see a local optimum.  Dry
+        friction of what turns one way only is a load, which scores more from a model that has absorbed it.
         """
         units = [q.unit for q in a.effect.parameters]
         return [
