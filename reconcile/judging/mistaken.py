@@ -19,6 +19,7 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.readings import (
     Reading,
     asked,
+    driven,
     inputs,
     multiplied,
     relabelled,
@@ -149,7 +150,7 @@ def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Readin
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
     units = rescaled(core)
-    for reading in (*units, *relabelled(core), *unsigned(core)):
+    for reading in (*units, *driven(core), *relabelled(core), *unsigned(core)):
         error, whole, nats = _refitted(core, reading)
         near = reading in units or reading.signed or nats < stated
         if whole < enough and near and not _boundless(core, error, reading):
@@ -244,8 +245,8 @@ def _disturbance(core: Core, point: Point) -> float:
 
 def _undriven(core: Core, error: float) -> bool:
     """Whether the model errs nearly as little as `error` without any input: none tells its sign then."""
-    driven = inputs(core)
-    return bool(driven) and error > HALVED * _by_itself(_read(core, multiplied(0.0, *driven)))[0]
+    recorded = inputs(core)
+    return bool(recorded) and error > HALVED * _by_itself(_read(core, multiplied(0.0, *recorded)))[0]
 
 
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
@@ -253,8 +254,8 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
 
     A dead zone that takes nearly all of a command leaves a gain at its bound, and turned round it does least.
     """
-    driven = inputs(core)
-    tried = _fitted(core, multiplied(0.0, *driven), start, present) if driven else None
+    recorded = inputs(core)
+    tried = _fitted(core, multiplied(0.0, *recorded), start, present) if recorded else None
     return tried is not None and error > HALVED * tried[0]
 
 

@@ -95,6 +95,12 @@ def rescaled(core: Core) -> list[Reading]:
     return usual + far
 
 
+def driven(core: Core) -> list[Reading]:
+    """Every input in another unit: a gain takes that up, unless it would lie beyond its limits in model.py."""
+    units = {v.name: v.unit for v in core.model.inputs}
+    return [multiplied(ratio, n) for n in inputs(core) for ratio in other_units(units[n])]
+
+
 def _levels(core: Core) -> dict[str, float]:
     """How many times the size an output has that it has at the model's start; none where that is nothing."""
     model = core.model

@@ -41,7 +41,7 @@ class Swaps:
         return [less | {b} for b in todo]
 
     def twins(self, key: Key, a: Attached) -> list[Key]:
-        """Sets with an effect of the same units in an effect's place, whatever its score: a kin, or at its port.
+        """Sets with a kin of the same units in an effect's place, or one at its port, whatever its score.
 
         A delay of the only input is one of all outputs, and its own score may see a local optimum.  Dry
         friction of what turns one way only is a load, which scores more from a model that has absorbed it.
