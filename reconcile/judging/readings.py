@@ -96,7 +96,7 @@ def rescaled(core: Core) -> list[Reading]:
 
 
 def driven(core: Core) -> list[Reading]:
-    """Every input in another unit: a gain takes that up, unless it would lie beyond its limits in model.py."""
+    """Every input in another unit: a gain takes that up, unless it would lie beyond limits in model.py."""
     units = {v.name: v.unit for v in core.model.inputs}
     return [multiplied(ratio, n) for n in inputs(core) for ratio in other_units(units[n])]
 
