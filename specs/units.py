@@ -92,6 +92,7 @@ UNITS: dict[str, Unit] = {
     "K": _unit(K=1),
     "degC": _unit(1.0, 273.15, K=1),
     "degF": _unit(5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0, K=1),
+    "kV": _unit(1e3, kg=1, m=2, s=-3, A=-1),
     "V": _unit(kg=1, m=2, s=-3, A=-1),
     "mV": _unit(1e-3, kg=1, m=2, s=-3, A=-1),
     "A": _unit(A=1),
