@@ -397,6 +397,21 @@ def test_missing_samples_move_a_fit_by_no_more_than_its_errors():
     assert abs(whole.values["time"] - part.values["time"]) < 4.0 * error
 
 
+def test_dry_friction_stands_in_a_loads_place_whatever_its_score():
+    core = cored(
+        recorded(Truth(static=(1.2, 1.2)), seconds=8.0),
+        "constant_load@v",
+        "coulomb_friction@v",
+        "stiffness@v",
+    )
+    beam = Beam(core)
+    key = fitted(beam, ["constant_load@v"])
+    (load,) = key
+    (twin,) = beam.swaps.twins(key, load)
+    assert [a.key for a in twin] == ["coulomb_friction@v"]
+    assert twin in beam.points
+
+
 def test_what_an_effect_covers_is_not_asked_beside_it(friction: Beam):
     core = Core(friction.core.folder, friction.core.parts, ALL)
     beam = Beam(core)
