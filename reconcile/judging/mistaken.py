@@ -11,7 +11,7 @@ import numpy as np
 
 from reconcile import words
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, beyond_sensors, squares
+from reconcile.errors.ahead import ahead, beyond_sensors, squares, standing
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
@@ -45,14 +45,17 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
 
     `names`: the map, {their column: ours}.
     """
-    errs = min(_by_itself(core)[0], beyond_sensors(core, core.base))
+    errs, beside = _by_itself(core)[0], beyond_sensors(core, core.base)
+    if not np.isfinite(errs):
+        errs = beside
     if errs < WRONG:
         return ""
     tried = [(*_by_itself(_read(core, reading)), reading) for reading in turned(core)]
     least = min((error for error, _, _ in tried), default=np.inf)
     alike = [row for row in tried if row[0] <= (1.0 + SHORTENED) * least]
     error, _, found = min(alike, key=lambda row: row[1], default=(np.inf, 0.0, Reading()))
-    enough = min(HALVED * errs, LOST)  # what errs by as much as the outputs move explains nothing
+    # what errs by as much as the outputs move explains nothing, nor does what a disturbance explains as well
+    enough = min(HALVED * errs, LOST, beside)
     is_turned = error < enough and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
     explained = list(_explained(core, HALVED * error if is_turned else enough))
@@ -217,7 +220,8 @@ def _fit(
 def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
     """Error ahead of the base model, fitted anew with all its scales, where the recordings are read so.
 
-    Then noise and all, and by how many nats its parameters are then beside what model.py states.
+    Then noise and all, and by how many nats its parameters are then beside what model.py states.  No end
+    where it runs away, or by another clock, in which little may move, does little better than standing still.
     """
     runs = {id(r): reading.of(r) for r in core.runs}
 
@@ -235,6 +239,8 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
         ((beyond_sensors(other, p), p) for p in every), default=(np.inf, other.base), key=lambda r: r[0]
     )
     whole = float(np.sqrt(squares(other, point)[0]))
+    if reading.clock != 1.0 and whole > HALVED * standing(other):
+        return np.inf, np.inf, np.inf
     return error, whole, Fitter.prior(point.values, core.base_free)
 
 

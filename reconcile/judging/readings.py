@@ -18,7 +18,8 @@ ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 NEAR = 2.0  # times that a signal may be from another unit
-CLOCKS = {1e-3: "ms", 1e-6: "us", 1e3: "s", 60.0: "min", 1.0 / 60.0: "s"}  # ratio of a time and the unit it is in
+# ratio of a time and the unit it is in
+CLOCKS = {1e-3: "ms", 1e-6: "us", 1e3: "s", 60.0: "min", 1.0 / 60.0: "s"}
 
 
 @dataclass(frozen=True)
