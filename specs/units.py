@@ -101,6 +101,8 @@ UNITS: dict[str, Unit] = {
     "H": _unit(kg=1, m=2, s=-2, A=-2),
     "F": _unit(kg=-1, m=-2, s=4, A=2),
 }
+PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
+PREFIXED = ("m", "A", "V", "W", "N", "Pa", "J", "Hz", "Ohm", "H", "F", "rad")  # in products, as mN.m
 FACTOR = re.compile(r"([A-Za-z]+)(\d*)")
 
 
@@ -119,13 +121,19 @@ def _composed(name: str) -> Unit | None:
     size = 1.0
     for text, sign in factors:
         match = FACTOR.fullmatch(text)
-        simple = match and UNITS.get(match[1])
+        simple = match and (UNITS.get(match[1]) or _prefixed(match[1]))
         if not match or not simple or simple.offset:
             return None
         power = sign * int(match[2] or 1)
         size *= simple.factor**power
         exponents.update({base: power * n for base, n in simple.exponents.items()})
     return Unit({base: n for base, n in exponents.items() if n}, size) if factors else None
+
+
+def _prefixed(name: str) -> Unit | None:
+    """A unit with a prefix that the table has not."""
+    prefix, simple = PREFIXES.get(name[0]), UNITS[name[1:]] if name[1:] in PREFIXED else None
+    return Unit(simple.exponents, prefix * simple.factor) if prefix and simple else None
 
 
 def unit(name: str) -> Unit:

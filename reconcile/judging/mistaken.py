@@ -266,14 +266,14 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
 
 
 def _boundless(core: Core, error: float, reading: Reading) -> bool:
-    """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told.
+    """Whether a ratio or clock further off leaves as little error: no force counts then, and no unit is told.
 
     A small swing is the same in any smaller unit, but degrees are what it is in.
     """
     units = {v.name: v.unit for v in core.model.outputs}
     if any(units.get(n) == "rad" and ratio < 1.0 for n, ratio in reading.ratios):
         return False
-    return reading.again != reading and HALVED * _refitted(core, reading.again)[0] < error
+    return any(HALVED * _refitted(core, other)[0] < error for other in reading.further)
 
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:

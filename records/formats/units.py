@@ -51,7 +51,7 @@ def spelled(text: str) -> str:
     Capitals are overlooked only where they cannot mean another unit: mPa is not MPa, and gon is no degree.
     """
     found = _spelled(text)
-    return found if found in UNITS or found in OTHERS else _other_signs(text, found)
+    return found if _is_known(found) else _other_signs(text, found)
 
 
 def _other_signs(text: str, found: str) -> str:
@@ -59,7 +59,12 @@ def _other_signs(text: str, found: str) -> str:
     text as it was `found` where that is none, either.
     """
     plain = _spelled(text.translate(SIGNS).rstrip(". "))
-    return plain if plain in UNITS or plain in OTHERS else found
+    return plain if _is_known(plain) else found
+
+
+def _is_known(name: str) -> bool:
+    """Whether it is a unit, of the tables or composed; A2 is a column's name, and no square ampere."""
+    return name in UNITS or name in OTHERS or (bool(re.search(r"[./]", name)) and known(name) is not None)
 
 
 def _spelled(text: str) -> str:
@@ -85,10 +90,7 @@ def _no_other_prefix(bare: str, ours: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that is known, however it is spelled."""
-    name = spelled(text)
-    return bool(text.strip()) and (
-        name in UNITS or name in OTHERS or (bool(re.search(r"[./]", name)) and known(name) is not None)
-    )
+    return bool(text.strip()) and _is_known(spelled(text))
 
 
 def of_time(text: str) -> bool:

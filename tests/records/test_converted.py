@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from records.formats.units import converted
+from records.formats.units import converted, is_unit, spelled
 from specs.errors import InputError
 
 
@@ -17,7 +17,14 @@ def test_a_recorded_unit_becomes_a_composed_one():
 
 
 @pytest.mark.parametrize(
-    ("unit", "wanted", "ratio"), [("mm", "cm", 0.1), ("cm/s", "m/s", 0.01), ("in", "cm", 2.54)]
+    ("unit", "wanted", "ratio"),
+    [("mm", "cm", 0.1), ("cm/s", "m/s", 0.01), ("in", "cm", 2.54), ("mN.m", "N.m", 1e-3)],
 )
 def test_centimetres_are_known_on_both_sides(unit: str, wanted: str, ratio: float):
     assert converted(np.ones(2), unit, wanted, "channel level") == pytest.approx([ratio, ratio])
+
+
+def test_composed_units_are_read_with_other_signs():
+    assert spelled("cm/s^2") == "cm/s2"
+    assert is_unit("mN.m")
+    assert not is_unit("A2")

@@ -231,7 +231,6 @@ def test_an_angle_in_radians_that_is_said_to_be_in_degrees_is_asked_beside_an_in
         (Reading(clock=1e3), "column clock: 0.001 times as long"),
         (Reading(clock=1e-3), "column clock: 1000 times as long"),
         (Reading(clock=1e6), "column clock: 1e-06 times as long"),
-        (Reading(clock=60.0), "column clock: 0.01667 times as long"),
         (Reading(exchanged=("torque", "position")), "columns M and q: with one taken for the other"),
         (Reading(), ""),
     ],
