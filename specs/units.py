@@ -33,11 +33,14 @@ UNITS: dict[str, Unit] = {
     "rad/s": _unit(rad=1, s=-1),
     "rad/s2": _unit(rad=1, s=-2),
     "deg": _unit(DEGREE, rad=1),
+    "mrad": _unit(1e-3, rad=1),
     "deg/s": _unit(DEGREE, rad=1, s=-1),
     "deg/s2": _unit(DEGREE, rad=1, s=-2),
     "rpm": _unit(math.pi / 30, rad=1, s=-1),
     "m": _unit(m=1),
     "mm": _unit(1e-3, m=1),
+    "cm": _unit(1e-2, m=1),
+    "km": _unit(1e3, m=1),
     "m/s": _unit(m=1, s=-1),
     "km/h": _unit(1 / 3.6, m=1, s=-1),
     "m/s2": _unit(m=1, s=-2),
@@ -89,12 +92,17 @@ UNITS: dict[str, Unit] = {
     "K": _unit(K=1),
     "degC": _unit(1.0, 273.15, K=1),
     "degF": _unit(5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0, K=1),
+    "kV": _unit(1e3, kg=1, m=2, s=-3, A=-1),
     "V": _unit(kg=1, m=2, s=-3, A=-1),
+    "mV": _unit(1e-3, kg=1, m=2, s=-3, A=-1),
     "A": _unit(A=1),
+    "mA": _unit(1e-3, A=1),
     "Ohm": _unit(kg=1, m=2, s=-3, A=-2),
     "H": _unit(kg=1, m=2, s=-2, A=-2),
     "F": _unit(kg=-1, m=-2, s=4, A=2),
 }
+PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
+PREFIXED = ("m", "A", "V", "W", "N", "Pa", "J", "Hz", "Ohm", "H", "F", "rad")  # in products, as mN.m
 FACTOR = re.compile(r"([A-Za-z]+)(\d*)")
 
 
@@ -113,13 +121,19 @@ def _composed(name: str) -> Unit | None:
     size = 1.0
     for text, sign in factors:
         match = FACTOR.fullmatch(text)
-        simple = match and UNITS.get(match[1])
+        simple = match and (UNITS.get(match[1]) or _prefixed(match[1]))
         if not match or not simple or simple.offset:
             return None
         power = sign * int(match[2] or 1)
         size *= simple.factor**power
         exponents.update({base: power * n for base, n in simple.exponents.items()})
     return Unit({base: n for base, n in exponents.items() if n}, size) if factors else None
+
+
+def _prefixed(name: str) -> Unit | None:
+    """A unit with a prefix that the table has not."""
+    prefix, simple = PREFIXES.get(name[0]), UNITS[name[1:]] if name[1:] in PREFIXED else None
+    return Unit(simple.exponents, prefix * simple.factor) if prefix and simple else None
 
 
 def unit(name: str) -> Unit:

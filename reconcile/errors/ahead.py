@@ -91,6 +91,16 @@ def squares(core: Core, point: Point, parts: Sequence[str] = ("confirm",)) -> tu
     return float(errors / max(count, 1.0)), float(known / max(count, 1.0))
 
 
+def standing(core: Core, which: str = "confirm") -> float:
+    """What a model that stands still errs by in the model's own time (rms), in spreads of the outputs."""
+    moved = [np.zeros((1, len(core.outputs)))]
+    for record, (ids, counts) in zip(core.records, windows(core, (which,)), strict=True):
+        y = np.column_stack([record.output(n, (0.0, 0.0))[0] / core.spread[n] for n in core.outputs])
+        of_each = (ids == number for number in np.unique(ids[counts]))
+        moved += [(y[i] - y[i][0])[counts[i]] for i in of_each]
+    return float(np.sqrt(np.nanmean(np.concatenate(moved) ** 2)))
+
+
 def beyond_noise(core: Core, point: Point) -> float:
     """Error ahead in levels of the outputs' noise."""
     own = sensors(core, point)
@@ -121,13 +131,13 @@ def sensors(core: Core, point: Point) -> float:
 def by_stretch(core: Core, point: Point, which: str = "confirm") -> np.ndarray:
     """By stretch [W, 3]: sums of squares, noise and all, and of the noise, and samples.
 
-    One row without end where the model runs away.  What a point takes for noise beyond that of the model
-    without effects is error.
+    One row without end where the model runs away, or nothing is predicted.  What a point takes for noise
+    beyond that of the model without effects is error.
     """
     errors = by_record(core, point, which)
-    if errors is None:
-        return np.array([[np.inf, 0.0, 1.0]])
     numbers = np.concatenate([ids[counts] for ids, counts in windows(core, (which,))])
+    if errors is None or not len(numbers):
+        return np.array([[np.inf, 0.0, 1.0]])
     every, level = (
         np.concatenate(errors),
         [

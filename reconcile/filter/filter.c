@@ -86,6 +86,14 @@ static int call(Function f, const double *x, const double *u, const double *m, c
   return f(arg, res, iscratch, scratch, 0);
 }
 
+/* The same of a function [rows] with its slopes by x and w.  One without end, as of a root at nothing, is left out. */
+static void sloped(Function f, int rows, const double *x, const double *u, const double *m, const double *p, double *a,
+                   double *b, double *c) {
+  call(f, x, u, m, p, a, b, c);
+  for (int i = 0; i < rows * NX; i++) b[i] = isfinite(b[i]) ? b[i] : 0.0;
+  for (int i = 0; i < rows * NW; i++) c[i] = isfinite(c[i]) ? c[i] : 0.0;
+}
+
 /* LU with partial pivoting of a [n x n] row-major, the diagonal inverted; 0 if singular. */
 static int factor(double *a, int *pivot, int n) {
   if (n > NX) return 0; /* never: it tells the compiler how large a is */
@@ -157,7 +165,7 @@ static int linearise(const Run *run, const double *x, const double *u, const dou
   static double a[MOST_NX * MOST_NX], k1[MOST_NX * MOST_N], k2[MOST_NX * MOST_N];
   const int n = run->active, wide = n + NW;
   const int *at = run->state;
-  call(kf_fj, x, u, m, run->p, s->f, a, s->b);
+  sloped(kf_fj, NX, x, u, m, run->p, s->f, a, s->b);
   for (int i = 0; i < n; i++) {
     for (int j = 0; j < n; j++) s->ab[i * wide + j] = a[at[j] * NX + at[i]];
     for (int j = 0; j < NW; j++) s->ab[i * wide + n + j] = s->b[j * NX + at[i]];
@@ -383,8 +391,8 @@ static void shifted(const Run *run, int side, const double *early, const double 
   static double f[MOST_NX], a[MOST_NX * MOST_NX], b[MOST_NX * MOST_NW + 1], second[MOST_NX], then[MOST_NX], kept[MOST_NX];
   static double a2[MOST_NX * MOST_NX], b2[MOST_NX * MOST_NW + 1], r[MOST_NX], ra[MOST_NX], raa[MOST_NX];
   static double y1[MOST_NY], hx1[MOST_NY * MOST_NX], hw1[MOST_NY * MOST_NW + 1], rb[MOST_NW + 1], rab[MOST_NW + 1];
-  call(kf_fj, x, u, m, run->p, f, a, b);
-  if (DISCRETE) call(kf_fj, f, u, m, run->p, second, a2, b2);
+  sloped(kf_fj, NX, x, u, m, run->p, f, a, b);
+  if (DISCRETE) sloped(kf_fj, NX, f, u, m, run->p, second, a2, b2);
   for (int i = 0; !DISCRETE && i < NX; i++) {
     second[i] = 0.0;
     for (int j = 0; j < NX; j++) second[i] += a[j * NX + i] * f[j];
@@ -411,7 +419,7 @@ static void shifted(const Run *run, int side, const double *early, const double 
       if (axis_q[k] >= 0) then[axis_q[k]] += rubbed[k].went - 0.5 * one * (v + free);
     }
 #endif
-    call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
+    sloped(kf_hj, NY, then, u, m, run->p, y1, hx1, hw1);
     y[o] = y1[o];
     for (int i = 0; i < NX; i++) r[i] = hx1[i * NY + o];
     COPY(kept, r, NX);
@@ -451,7 +459,7 @@ static void shown(const Run *run, const double *x, const double *before, const d
     earlier |= early[o] > 0.0;
     later |= early[o] < 0.0;
   }
-  call(kf_hj, x, u, m, run->p, y, hx, hw);
+  sloped(kf_hj, NY, x, u, m, run->p, y, hx, hw);
   if (earlier) shifted(run, 0, early, x, before, m, y, hx, hw);
   if (later) shifted(run, 1, early, x, u, m, y, hx, hw);
 }

@@ -18,7 +18,7 @@ from reconcile.errors.ahead import beyond_noise, beyond_sensors, sensors
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
-from reconcile.judging.judge import Judged
+from reconcile.judging.judge import LESS, Judged
 from reconcile.search.alone import alone, fit
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
@@ -34,7 +34,6 @@ ERRS = 1.0  # times the noise, from which the model by itself errs
 # of the error, that an answer takes away, by its parameters: with more of them one effect imitates others,
 # and real recordings err by more than one thing
 TOLD = {1: 2.0 / 3.0, 2: 2.0 / 3.0, 3: 5.0 / 6.0}
-LESS = 0.25  # of the error, that an effect takes away of each part at least, and a hint of all
 ALIKE = 0.1  # of the error without effects, within which effects explain as much
 PARTS = ("fit", "confirm")  # what is not held out
 

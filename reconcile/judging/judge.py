@@ -37,6 +37,8 @@ FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.pa
 ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
 FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
+LESS = 0.25  # of the error ahead, that what is told, or hinted at, takes away at least
+DOUBTED = 0.5  # probability at most of a kind whose likeliest set takes less away
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -103,6 +105,13 @@ class Weights:
         """Whether an effect of a set is less than sure."""
         found = self.effects(key)
         return any(found[n] < SURE for n in _names(key))
+
+    def likeliest(self, of: str) -> Key:
+        """The likeliest set with an effect of a kind."""
+        return max(
+            (k for k in self.posterior if of in {kind(a.effect.name) for a in k}),
+            key=self.posterior.__getitem__,
+        )
 
     @property
     def first(self) -> Key:
@@ -183,7 +192,7 @@ class Judge:
             answer,
             tuple(k for k in declared if _names(k) != _names(answer)),
             _shown(weights.effects(answer), most),
-            _shown(weights.kinds, most),
+            _shown(weights.kinds if answer else self._doubted(weights), most),
             [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
             down_curves + down,
@@ -191,6 +200,14 @@ class Judge:
             posterior,
             self._best.get(answer),
         )
+
+    def _doubted(self, weights: Weights) -> dict[str, float]:
+        """Probabilities of kinds where nothing is named; none is sure whose likeliest set explains little."""
+        found = dict(weights.kinds)
+        for k, p in found.items():
+            if p >= SURE and self._left(weights.likeliest(k)) > 1.0 - LESS:
+                found[k] = DOUBTED
+        return found
 
     def _by_effects(self, posterior: dict[Key, float]) -> tuple[dict[Key, float], list[Refused]]:
         """Probabilities without curves, where effects are as likely as a curve that is the likeliest set."""

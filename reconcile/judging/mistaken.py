@@ -11,7 +11,7 @@ import numpy as np
 
 from reconcile import words
 from reconcile.equations.model import Attached
-from reconcile.errors.ahead import ahead, beyond_sensors, squares
+from reconcile.errors.ahead import ahead, beyond_sensors, squares, standing
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point, standard_errors
@@ -19,6 +19,7 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.readings import (
     Reading,
     asked,
+    driven,
     inputs,
     multiplied,
     relabelled,
@@ -44,14 +45,17 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
 
     `names`: the map, {their column: ours}.
     """
-    errs = min(_by_itself(core)[0], beyond_sensors(core, core.base))
+    errs, beside = _by_itself(core)[0], beyond_sensors(core, core.base)
+    if not np.isfinite(errs):
+        errs = beside
     if errs < WRONG:
         return ""
     tried = [(*_by_itself(_read(core, reading)), reading) for reading in turned(core)]
     least = min((error for error, _, _ in tried), default=np.inf)
     alike = [row for row in tried if row[0] <= (1.0 + SHORTENED) * least]
     error, _, found = min(alike, key=lambda row: row[1], default=(np.inf, 0.0, Reading()))
-    enough = min(HALVED * errs, LOST)  # what errs by as much as the outputs move explains nothing
+    # what errs by as much as the outputs move explains nothing, nor does what a disturbance explains as well
+    enough = min(HALVED * errs, LOST, beside)
     is_turned = error < enough and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
     explained = list(_explained(core, HALVED * error if is_turned else enough))
@@ -149,7 +153,7 @@ def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Readin
     """
     stated = Fitter.prior(core.base.values, core.base_free) + WORTH
     units = rescaled(core)
-    for reading in (*units, *relabelled(core), *unsigned(core)):
+    for reading in (*units, *driven(core), *relabelled(core), *unsigned(core)):
         error, whole, nats = _refitted(core, reading)
         near = reading in units or reading.signed or nats < stated
         if whole < enough and near and not _boundless(core, error, reading):
@@ -216,7 +220,8 @@ def _fit(
 def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
     """Error ahead of the base model, fitted anew with all its scales, where the recordings are read so.
 
-    Then noise and all, and by how many nats its parameters are then beside what model.py states.
+    Then noise and all, and by how many nats its parameters are then beside what model.py states.  No end
+    where it runs away, or by another clock, in which little may move, does little better than standing still.
     """
     runs = {id(r): reading.of(r) for r in core.runs}
 
@@ -234,6 +239,8 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
         ((beyond_sensors(other, p), p) for p in every), default=(np.inf, other.base), key=lambda r: r[0]
     )
     whole = float(np.sqrt(squares(other, point)[0]))
+    if reading.clock != 1.0 and whole > HALVED * standing(other):
+        return np.inf, np.inf, np.inf
     return error, whole, Fitter.prior(point.values, core.base_free)
 
 
@@ -244,8 +251,8 @@ def _disturbance(core: Core, point: Point) -> float:
 
 def _undriven(core: Core, error: float) -> bool:
     """Whether the model errs nearly as little as `error` without any input: none tells its sign then."""
-    driven = inputs(core)
-    return bool(driven) and error > HALVED * _by_itself(_read(core, multiplied(0.0, *driven)))[0]
+    recorded = inputs(core)
+    return bool(recorded) and error > HALVED * _by_itself(_read(core, multiplied(0.0, *recorded)))[0]
 
 
 def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
@@ -253,20 +260,20 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
 
     A dead zone that takes nearly all of a command leaves a gain at its bound, and turned round it does least.
     """
-    driven = inputs(core)
-    tried = _fitted(core, multiplied(0.0, *driven), start, present) if driven else None
+    recorded = inputs(core)
+    tried = _fitted(core, multiplied(0.0, *recorded), start, present) if recorded else None
     return tried is not None and error > HALVED * tried[0]
 
 
 def _boundless(core: Core, error: float, reading: Reading) -> bool:
-    """Whether the same ratio once more leaves as little error: no force counts then, and no unit is told.
+    """Whether a ratio or clock further off leaves as little error: no force counts then, and no unit is told.
 
     A small swing is the same in any smaller unit, but degrees are what it is in.
     """
     units = {v.name: v.unit for v in core.model.outputs}
     if any(units.get(n) == "rad" and ratio < 1.0 for n, ratio in reading.ratios):
         return False
-    return reading.again != reading and HALVED * _refitted(core, reading.again)[0] < error
+    return any(HALVED * _refitted(core, other)[0] < error for other in reading.further)
 
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:

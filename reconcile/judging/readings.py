@@ -18,7 +18,8 @@ ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 NEAR = 2.0  # times that a signal may be from another unit
-CLOCKS = {1e-3: "ms", 1e3: "s", 60.0: "min"}  # ratio of a time and the unit it is in
+# ratio of a time and the unit it is in
+CLOCKS = {1e-3: "ms", 1e-6: "us", 1e3: "s", 60.0: "min"}
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,15 @@ class Reading:
     signed: tuple[str, ...] = ()
 
     @property
-    def again(self) -> "Reading":
-        """The same ratios once more: where they leave as little error, no unit is told."""
-        return replace(self, ratios=tuple((n, r**2) for n, r in self.ratios), clock=self.clock**2)
+    def further(self) -> list["Reading"]:
+        """The same ratios once more, or other clocks that are longer or shorter too.
+
+        Where one of them leaves as little error, no unit is told.
+        """
+        again = replace(self, ratios=tuple((n, r**2) for n, r in self.ratios))
+        clocks = [k for k in CLOCKS if k != self.clock and (k < 1.0) == (self.clock < 1.0)]
+        others = [replace(self, clock=k) for k in clocks] if self.clock != 1.0 else [again]
+        return [r for r in others if r != self]
 
     def of(self, run: Run) -> Run:
         """The run as it is read so."""
@@ -93,6 +100,12 @@ def rescaled(core: Core) -> list[Reading]:
     both = [r for k in THOUSAND for r in (1.0 / k, k)]
     far = [multiplied(r, n) for n, level in others.items() for r in both if 1.0 / NEAR < level * r < NEAR]
     return usual + far
+
+
+def driven(core: Core) -> list[Reading]:
+    """Every input in another unit: a gain takes that up, unless it would lie beyond limits in model.py."""
+    units = {v.name: v.unit for v in core.model.inputs}
+    return [multiplied(ratio, n) for n in inputs(core) for ratio in other_units(units[n])]
 
 
 def _levels(core: Core) -> dict[str, float]:
@@ -182,7 +195,8 @@ def asked(reading: Reading, core: Core, gains: str, names: Mapping[str, str]) ->
     if ratio != -1.0:
         return f"column {both}: {ratio:.4g} times as large, {gains}: {known_ratios()[ratio]}; {state}"
     lines = "; ".join(turned_line(n, names) for n in channels)
-    direction = "" if set(channels) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
+    may_fall = core.folder.ports.axes and not set(channels) & {v.name for v in core.model.inputs}
+    direction = ", or gravity in model.py" if may_fall else ""
     return (
         f"column {both}: with the sign turned, {gains}; write {lines} in [names] of --map, or turn the sign "
         f"of what depends on it{direction}"

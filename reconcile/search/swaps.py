@@ -41,15 +41,16 @@ class Swaps:
         return [less | {b} for b in todo]
 
     def twins(self, key: Key, a: Attached) -> list[Key]:
-        """Sets with an effect of the same kind and units in an effect's place, whatever its score.
+        """Sets with a kin of the same units in an effect's place, or one at its port, whatever its score.
 
-        A delay of the only input is one of all outputs, and its own score may see a local optimum.
+        A delay of the only input is one of all outputs, and its own score may see a local optimum.  Dry
+        friction of what turns one way only is a load, which scores more from a model that has absorbed it.
         """
         units = [q.unit for q in a.effect.parameters]
         return [
             self._in_place(key, a, _unscored(b))
             for b in self.sets.beside(key)
-            if kind(b.effect.name) == kind(a.effect.name)
+            if (kind(b.effect.name) == kind(a.effect.name) or b.port == a.port)
             and b.effect.name != a.effect.name
             and [q.unit for q in b.effect.parameters] == units
             and self.sets.core.reach.common(a, b)

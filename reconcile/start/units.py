@@ -10,9 +10,15 @@ import numpy as np
 DEGREES = {57.29578: "degrees against radians"}
 TURNING = DEGREES | {9.549297: "revolutions per minute against rad/s"}
 THOUSAND = {1000.0: "a factor of 1000, such as mm against m or ms against s"}
+HUNDRED = {100.0: "a factor of 100, such as per cent against 1 or cm against m"}
 OTHER = THOUSAND | {3.6: "km/h against m/s"}
-RATIOS = TURNING | OTHER | {-1.0: "the sign is turned"}
-USUAL = ((("rad", "deg"), DEGREES), (("rad/s", "deg/s", "rpm"), TURNING), (("m/s", "km/h"), OTHER))
+RATIOS = TURNING | HUNDRED | OTHER | {-1.0: "the sign is turned"}
+USUAL = (
+    (("rad", "deg"), DEGREES),
+    (("rad/s", "deg/s", "rpm"), TURNING),
+    (("m/s", "km/h"), OTHER),
+    (("1", "%", "m", "cm"), HUNDRED | THOUSAND),
+)
 CLOSE = 0.02  # of a ratio, relative
 SURE = 0.95  # correlation between changes of a position and its integrated speed
 LAGS = (1, 2, 5, 10, 20, 50)  # samples

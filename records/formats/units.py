@@ -37,11 +37,9 @@ OTHERS = {
     "hPa": (100.0, "Pa"), "mPa": (1e-3, "Pa"), "GPa": (1e9, "Pa"), "atm": (101325.0, "Pa"),
     "kg/cm2": (98066.5, "Pa"), "kp/cm2": (98066.5, "Pa"), "kgf/cm2": (98066.5, "Pa"),
     "kg/cm²": (98066.5, "Pa"), "kp/cm²": (98066.5, "Pa"), "N/mm2": (1e6, "Pa"), "N/m2": (1.0, "Pa"),
-    "mrad/s": (1e-3, "rad/s"), "g": (9.80665, "m/s2"), "cm": (0.01, "m"),
-    "km": (1000.0, "m"), "in": (0.0254, "m"), "ft": (0.3048, "m"), "h": (3600.0, "s"), "d": (86400.0, "s"),
-    "mrad": (1e-3, "rad"), "mA": (1e-3, "A"), "mV": (1e-3, "V"), "daN": (10.0, "N"),
-    "lbf": (4.4482216152605, "N"),
-    "mm/s": (1e-3, "m/s"), "krpm": (100.0 * 3.141592653589793 / 3.0, "rad/s"), "MN": (1e6, "N"),
+    "g": (9.80665, "m/s2"), "in": (0.0254, "m"), "ft": (0.3048, "m"), "h": (3600.0, "s"), "d": (86400.0, "s"),
+    "daN": (10.0, "N"), "lbf": (4.4482216152605, "N"), "krpm": (100.0 * 3.141592653589793 / 3.0, "rad/s"),
+    "MN": (1e6, "N"),
 }  # fmt: skip
 FOLDED = {name.lower(): name for name in reversed(UNITS)}
 PER_SECOND = {"s": 1, "ms": 1000, "us": 1_000_000, "ns": 1_000_000_000}  # of the units of a clock
@@ -53,7 +51,7 @@ def spelled(text: str) -> str:
     Capitals are overlooked only where they cannot mean another unit: mPa is not MPa, and gon is no degree.
     """
     found = _spelled(text)
-    return found if found in UNITS or found in OTHERS else _other_signs(text, found)
+    return found if _is_known(found) else _other_signs(text, found)
 
 
 def _other_signs(text: str, found: str) -> str:
@@ -61,7 +59,12 @@ def _other_signs(text: str, found: str) -> str:
     text as it was `found` where that is none, either.
     """
     plain = _spelled(text.translate(SIGNS).rstrip(". "))
-    return plain if plain in UNITS or plain in OTHERS else found
+    return plain if _is_known(plain) else found
+
+
+def _is_known(name: str) -> bool:
+    """Whether it is a unit, of the tables or composed; A2 is a column's name, and no square ampere."""
+    return name in UNITS or name in OTHERS or (bool(re.search(r"[./]", name)) and known(name) is not None)
 
 
 def _spelled(text: str) -> str:
@@ -87,10 +90,7 @@ def _no_other_prefix(bare: str, ours: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that is known, however it is spelled."""
-    name = spelled(text)
-    return bool(text.strip()) and (
-        name in UNITS or name in OTHERS or (bool(re.search(r"[./]", name)) and known(name) is not None)
-    )
+    return bool(text.strip()) and _is_known(spelled(text))
 
 
 def of_time(text: str) -> bool:
@@ -133,7 +133,7 @@ def converted(values: np.ndarray, unit: str, wanted: str, where: str) -> np.ndar
         if not compatible(ours, wanted):
             raise InputError(f"{where}: '{unit}' does not measure what {wanted} does")
         return np.asarray(from_si(to_si(values.astype(np.float64) * factor, ours), wanted))  # type: ignore[arg-type]
-    if unit not in UNITS:
+    if known(unit) is None:
         raise InputError(
             f"{where}: unknown unit '{unit}', {wanted} is needed; {nearest(unit, (*UNITS, *OTHERS))}; "
             "--map states another"

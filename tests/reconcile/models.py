@@ -67,6 +67,24 @@ def cooling(driven: bool = True) -> Folder:
     )
 
 
+def tank() -> Folder:
+    """A tank that a pump fills, with a hole: from empty on its outflow has a slope without end."""
+    return folder(
+        Model(
+            name="tank",
+            description="A tank with a hole",
+            kind="continuous",
+            step=0.1,
+            states=(Variable("h", "m", "Level"),),
+            inputs=(Variable("flow", "m/s", "Pump", min=0.0, max=1.0),),
+            outputs=(Variable("level", "m", "Level"),),
+            parameters=(Variable("outflow", "m(1/2)/s", "Hole", start=0.05, min=0.001, max=1.0),),
+            rhs=lambda x, u, m, p: {"h": u.flow - p.outflow * ca.sqrt(ca.fmax(x.h, 0.0))},
+            out=lambda x, u, m, p: {"level": x.h},
+        )
+    )
+
+
 def falling() -> Folder:
     """What falls freely: gravity is known, and nothing else acts."""
     return folder(

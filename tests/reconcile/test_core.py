@@ -260,6 +260,16 @@ def test_sets_lose_what_is_turned_down_and_a_kind_stays_sure_where_nothing_is_le
     assert (judged.answer, judged.kinds["friction"]) == (frozenset(), 1.0)
 
 
+def test_no_kind_is_sure_where_its_likeliest_set_leaves_most_of_the_error(friction: Beam, monkeypatch):
+    own = fitted(friction, [FRICTION])
+    monkeypatch.setattr(judges, "_simplest", lambda beam: {own: 1.0})
+    monkeypatch.setattr(Judge, "_earning", lambda self, key, kinds: (frozenset(), []))
+    monkeypatch.setattr(Judge, "_left", lambda self, key: 0.8)
+    judged = Judge(friction).decide()
+    assert judged.kinds == {"friction": judges.DOUBTED}
+    assert judged.sure_kind is None
+
+
 @pytest.mark.parametrize(
     ("wide", "because"), [(True, "its interval holds nothing at all"), (False, "it was not fitted to")]
 )
@@ -331,6 +341,20 @@ def cooled(heat: bool, seed: int = 1, period: float = 0.5) -> Run:
     return models.run({"heat": (time, u)} if heat else {}, {"temperature": (time, y)})
 
 
+def test_a_tank_is_fitted_from_empty_on_where_its_outflow_has_a_slope_without_end():
+    time, level = 0.2 * np.arange(300), np.zeros(300)
+    flow = np.where(time < 30.0, 0.03, 0.01)
+    for k in range(299):
+        for _ in range(50):
+            level[k + 1] = (level[k + 1] or level[k]) + 0.004 * (
+                flow[k] - 0.08 * np.sqrt(level[k + 1] or level[k])
+            )
+    level += 1e-4 * np.random.default_rng(2).standard_normal(300)
+    run = models.run({"flow": (time, flow)}, {"level": (time, level)})
+    core = Core(models.tank(), split([run], (), ()), ())
+    assert core.base.values["outflow"] == pytest.approx(0.08, rel=0.02)
+
+
 @pytest.mark.parametrize("driven", [True, False], ids=["with a heater", "without inputs"])
 def test_a_model_of_one_state_is_fitted_with_inputs_and_without(driven: bool):
     core = Core(models.cooling(driven), split([cooled(driven)], (), ()), ())
@@ -395,6 +419,21 @@ def test_missing_samples_move_a_fit_by_no_more_than_its_errors():
     whole, part = (Core(models.cooling(), split([r], (), ()), ()).base for r in (run, fewer))
     error = standard_errors(part)["time"]
     assert abs(whole.values["time"] - part.values["time"]) < 4.0 * error
+
+
+def test_dry_friction_stands_in_a_loads_place_whatever_its_score():
+    core = cored(
+        recorded(Truth(static=(1.2, 1.2)), seconds=8.0),
+        "constant_load@v",
+        "coulomb_friction@v",
+        "stiffness@v",
+    )
+    beam = Beam(core)
+    key = fitted(beam, ["constant_load@v"])
+    (load,) = key
+    (twin,) = beam.swaps.twins(key, load)
+    assert [a.key for a in twin] == ["coulomb_friction@v"]
+    assert twin in beam.points
 
 
 def test_what_an_effect_covers_is_not_asked_beside_it(friction: Beam):

@@ -16,6 +16,9 @@ from specs.units import UNITS, compatible, known, to_si, unit
         (60.0, "L/min", 1e-3),
         (20.0, "degC", 293.15),
         (2.0, "t", 2000.0),
+        (15.0, "cm", 0.15),
+        (20.0, "cm/s", 0.2),
+        (4.0, "mA", 4e-3),
     ],
 )
 def test_known_conversions(value: float, name: str, si: float) -> None:

@@ -139,6 +139,24 @@ def test_an_input_in_another_unit_is_asked_and_a_right_one_is_not(tmp_path: Path
         assert examine(own, runs, names=names)[0]["verdict"] in ("agrees", "reestimated")
 
 
+@pytest.mark.parametrize(("factor", "asked"), [(0.01, "column u: 100 times as large"), (1.0, "")])
+def test_a_command_in_per_cent_is_asked_where_a_gain_would_lie_beyond_its_limits(
+    tmp_path: Path, factor: float, asked: str
+):
+    text = LAG.replace('Variable("level", "1"', 'Variable("level", "bar"')
+    own = checks.open_folder(str(folder(tmp_path / "model", text)))
+    time, u = 0.02 * np.arange(1200), np.repeat([20.0, 30.0, 60.0, 45.0, 80.0, 20.0], 200)
+    level = np.full(len(time), 34.0)
+    for k in range(1, len(time)):
+        level[k] = 1.7 * u[k - 1] + (level[k - 1] - 1.7 * u[k - 1]) * np.exp(-0.02 / 0.6)
+    level += 0.3 * np.random.default_rng(4).normal(size=len(time))
+    file = table(tmp_path / "a.csv", {"time": time, "u [1]": factor * u, "level [bar]": level})
+    core = Core(own, split(read_run(file, own), (), ()))
+    said = mistaken.evident(core)
+    assert said.startswith(asked)
+    assert bool(said) == bool(asked)
+
+
 @pytest.mark.parametrize("swing", [1.2, 0.09], ids=["a large swing", "a small swing"])
 @pytest.mark.parametrize(("factor", "word"), [(57.29578, "degrees against radians"), (1.0, "")])
 def test_an_angle_in_degrees_is_asked_and_one_in_radians_is_not(
@@ -212,6 +230,7 @@ def test_an_angle_in_radians_that_is_said_to_be_in_degrees_is_asked_beside_an_in
     [
         (Reading(clock=1e3), "column clock: 0.001 times as long"),
         (Reading(clock=1e-3), "column clock: 1000 times as long"),
+        (Reading(clock=1e6), "column clock: 1e-06 times as long"),
         (Reading(exchanged=("torque", "position")), "columns M and q: with one taken for the other"),
         (Reading(), ""),
     ],
@@ -227,6 +246,20 @@ def test_a_clock_in_another_unit_and_exchanged_columns_are_asked(
     said = mistaken.evident(core, names)
     assert said.startswith(asked)
     assert bool(said) == bool(asked)
+
+
+def test_a_clock_in_which_nothing_moves_is_no_reading(tmp_path: Path):
+    """Within a thousandth of the time a level stands still: a model that leaves little then tells nothing."""
+    own = checks.open_folder(str(folder(tmp_path / "model", LAG.replace("max=10)", "max=50)"))))
+    time, u = 0.02 * np.arange(1200), np.repeat([0.0, 30.0, 60.0, 45.0, 80.0, 20.0], 200)
+    level = np.zeros(len(time))
+    for k in range(1, len(time)):
+        level[k] = 1.7 * u[k - 1] + (level[k - 1] - 1.7 * u[k - 1]) * np.exp(-0.02 / 0.6)
+    level += 2.0 * np.random.default_rng(4).normal(size=len(time))
+    file = table(tmp_path / "a.csv", {"time": time, "pwm": level, "rpm": u})
+    core = Core(own, split(read_run(file, own, {"pwm": "u [1]", "rpm": "level [1]"}), (), ()))
+    assert mistaken._refitted(core, Reading(clock=1e-3))[0] == np.inf
+    assert mistaken._refitted(core, Reading(exchanged=("u", "level")))[0] < 0.05
 
 
 @pytest.mark.parametrize(("lost", "range_"), [(True, ""), (True, ", min=0"), (False, "")])
