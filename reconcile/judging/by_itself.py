@@ -18,13 +18,13 @@ from reconcile.errors.ahead import beyond_noise, beyond_sensors, sensors
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
-from reconcile.judging.judge import LESS, Judged
+from reconcile.judging.judge import LESS, Judged, curves
 from reconcile.search.alone import alone, fit
 from reconcile.search.beam import Beam
 from reconcile.search.core import Core
 from reconcile.search.screen import Scored, Screen
 from reconcile.search.sets import Key, curved, effects
-from reconcile.tolerances import ALONE, AT_FLOOR, EXPLAINED, NEAR
+from reconcile.tolerances import ALONE, AT_FLOOR, EXPLAINED, NEAR, SURE
 
 TRIED, DECLARED, SHOWN = 20, 4, 3  # effects that are fitted, those of an answer, and of a hint
 LIKELY = 4  # of the sets that the likelihood prefers
@@ -60,10 +60,11 @@ class ByItself:
         """The answer as it was given, or with effects that take most of the error of the model by itself.
 
         Where the likelihood is sure of a kind, and something is left, that stays the answer; else effects of
-        that kind may be told.
+        that kind may be told.  Where it may well be a curve that no effect has, none is.
         """
         sure = self.given.judged.sure_kind
-        if self.plain is None or not self.points or self.given.present or (sure and self._left):
+        curve = curves(self.given.judged.posterior, frozenset()) > 1.0 - SURE
+        if self.plain is None or not self.points or self.given.present or (sure and self._left) or curve:
             return self.given
         likely = dict(self._likely())
         self.points |= likely

@@ -38,7 +38,7 @@ ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place,
 FIRM = 20.0  # nats that an effect gains, from which it is there whatever its intervals hold
 UNTRIED = 0.85  # probability at most where a search was cut short: sets that were not tried may be likelier
 LESS = 0.25  # of the error ahead, that what is told, or hinted at, takes away at least
-DOUBTED = 0.5  # probability at most of a kind whose likeliest set takes less away
+DOUBTED = 0.5  # probability at most of a kind whose likely sets take less away
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -106,12 +106,10 @@ class Weights:
         found = self.effects(key)
         return any(found[n] < SURE for n in _names(key))
 
-    def likeliest(self, of: str) -> Key:
-        """The likeliest set with an effect of a kind."""
-        return max(
-            (k for k in self.posterior if of in {kind(a.effect.name) for a in k}),
-            key=self.posterior.__getitem__,
-        )
+    def likely(self, of: str) -> list[Key]:
+        """Sets with an effect of a kind that are likely; the likeliest where none is."""
+        ranked = [self.best[names] for names in self.order if of in set(map(kind, names))]
+        return [k for k in ranked if self.by_names[_names(k)] > 1.0 - SURE] or ranked[:1]
 
     @property
     def first(self) -> Key:
@@ -202,10 +200,10 @@ class Judge:
         )
 
     def _doubted(self, weights: Weights) -> dict[str, float]:
-        """Probabilities of kinds where nothing is named; none is sure whose likeliest set explains little."""
+        """Probabilities of kinds where nothing is named; none is sure whose likely sets explain little."""
         found = dict(weights.kinds)
         for k, p in found.items():
-            if p >= SURE and self._left(weights.likeliest(k)) > 1.0 - LESS:
+            if p >= SURE and min(map(self._left, weights.likely(k))) > 1.0 - LESS:
                 found[k] = DOUBTED
         return found
 

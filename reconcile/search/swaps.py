@@ -41,16 +41,16 @@ class Swaps:
         return [less | {b} for b in todo]
 
     def twins(self, key: Key, a: Attached) -> list[Key]:
-        """Sets with a kin of the same units in an effect's place, or one at its port, whatever its score.
+        """Sets with one of the same units in an effect's place, whatever its score: a kin, or at its port.
 
-        A delay of the only input is one of all outputs, and its own score may see a local optimum.  Dry
-        friction of what turns one way only is a load, which scores more from a model that has absorbed it.
+        A delay of the only input is one of all outputs, and its own score may see a local optimum.  So may
+        that of what has a kink: dry friction of what turns one way only is a load, a dead zone an offset.
         """
         units = [q.unit for q in a.effect.parameters]
         return [
             self._in_place(key, a, _unscored(b))
             for b in self.sets.beside(key)
-            if (kind(b.effect.name) == kind(a.effect.name) or b.port == a.port)
+            if (kind(b.effect.name) == kind(a.effect.name) or (b.port == a.port and _kinked(b)))
             and b.effect.name != a.effect.name
             and [q.unit for q in b.effect.parameters] == units
             and self.sets.core.reach.common(a, b)
@@ -106,6 +106,10 @@ class Swaps:
         found = self.sets.scores_of(less, limits) if less in self.sets.points else []
         plain = [_unscored(b) for b in sorted(limits, key=lambda b: len(b.effect.parameters))]
         return self._in_place(key, a, [*found, *plain][0]) if limits else None
+
+
+def _kinked(a: Attached) -> bool:
+    return a.effect.dry or a.effect.gated
 
 
 def _unscored(a: Attached) -> Scored:
