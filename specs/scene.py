@@ -23,6 +23,7 @@ Vector = tuple[float, float, float]
 MOST_TARGETS, MOST_THINGS, MOST_SOLIDS = 20, 200, 400
 GROUND = "ground"  # a thing's name that is taken
 FARTHEST_M = 200.0  # of anything from the slew axis
+WIDEST_M = 5.0  # of a tolerance: more is no target
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,7 +248,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.targets) <= MOST_TARGETS:
-            raise InputError(f"targets: {len(self.targets)}, from 1 to {MOST_TARGETS}")
+            raise InputError(f"targets: {len(self.targets)}, need 1 to {MOST_TARGETS}")
         if len(self.things) > MOST_THINGS:
             raise InputError(f"things: {len(self.things)}, at most {MOST_THINGS}")
         if self.start.through or self.start.path:
@@ -258,6 +259,7 @@ class Scene:
             if target.path:
                 raise InputError(f"targets.{number}: only the last one may move")
         _positive(tolerance_m=self.tolerance_m)
+        _at_most(WIDEST_M, tolerance_m=self.tolerance_m)
         if not 0.0 <= self.load_kg[0] <= self.load_kg[1] <= 5000.0:
             raise InputError("load_kg: need 0 <= from <= to <= 5000")
         if len(self.solids()) > MOST_SOLIDS:
@@ -348,6 +350,8 @@ def _thing(entry: Any, kinds: Mapping[str, type[Thing]], where: str) -> Thing:
     kind = entry.get("kind", "")
     if kind not in kinds:
         raise InputError(f"{where}: unknown shape '{kind}'; valid: {', '.join(kinds)}")
+    if kinds[kind] is HeightMap:
+        _refuse_gaps(entry.get("heights"), where)
     thing = validate(kinds[kind], {k: v for k, v in entry.items() if k != "kind"}, where)
     lengths = {k: v for k, v in vars(thing).items() if k not in ("turn_deg", "normal")}
     lengths["path"] = thing.places()  # without its times
@@ -357,6 +361,17 @@ def _thing(entry: Any, kinds: Mapping[str, type[Thing]], where: str) -> Thing:
     if abs(vars(thing).get("turn_deg", 0.0)) > 360.0:
         raise InputError(f"{where}: turn_deg = {vars(thing)['turn_deg']:g}: at most 360")
     return thing
+
+
+def _refuse_gaps(heights: Any, where: str) -> None:
+    """Raise InputError at the first cell that has no height: nan, or a text."""
+    for j, row in enumerate(heights if isinstance(heights, list) else [], 1):
+        for i, cell in enumerate(row if isinstance(row, list) else [], 1):
+            if isinstance(cell, str) or (isinstance(cell, float) and math.isnan(cell)):
+                raise InputError(
+                    f"{where}: heights: row {j}, cell {i} is {cell!r}: the map has gaps; "
+                    "write 0 where nothing lies"
+                )
 
 
 def _zone(entry: Any, where: str) -> Zone:
@@ -415,3 +430,9 @@ def _positive(**values: float) -> None:
     for key, value in values.items():
         if not value > 0.0:
             raise InputError(f"{key} = {value:g}: must be positive")
+
+
+def _at_most(most: float, **values: float) -> None:
+    for key, value in values.items():
+        if value > most:
+            raise InputError(f"{key} = {value:g}: at most {most:g} m")

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 
@@ -18,7 +18,7 @@ from fmus.equations import kinematics
 from specs import parameters, pose, shapes
 from specs.distance import Solids, solids
 from specs.errors import InputError
-from specs.scenario import Target
+from specs.scenario import KEEP_OUT_M, Target
 from specs.scene import Goal, Scene
 
 NEAREST_M = 4.0  # of a thing: the carriage turns there
@@ -29,6 +29,8 @@ PASS_SHARES = (0.3, 0.5)  # of the tolerance: what is passed is this near to a c
 PACKAGES = ("ompl.geometric", "toppra.algorithm")
 AROUND = 24  # directions in which a free target near a taken one is looked for
 RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
+GRID_M, GRID_UP_TO_M = 0.25, 20.0  # radius and height of places where the arm can be
+PLACES = 200  # of a target's path, at which it may come within reach
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,11 @@ class Planner:
         self.check_machine()
         for what, target in (("start", self.scene.start), *self._numbered()):
             if isinstance(target, Goal) and target.path:
-                continue  # where it will be is known to who plans
-            if reason := self._taken(target):
-                near = self._free_near(target)
+                reason = _never_reached(target)  # where it will be is known to who plans
+            else:
+                reason = self._taken(target)
+            if reason:
+                near = self._free_near(target) or self._in_reach(target)
                 raise InputError(
                     f"scene {self.scene.name}: {what}: {reason}" + (f"; free: {near}" if near else "")
                 )
@@ -235,11 +239,21 @@ class Planner:
                 for lift in (ring, 0.0, -ring):
                     other = Target(
                         slew_deg=target.slew_deg + math.degrees(ring * math.sin(turn) / target.radius_m),
-                        radius_m=max(target.radius_m + ring * math.cos(turn), 2.0),
-                        height_m=max(target.height_m + lift, 2.0),
+                        radius_m=max(target.radius_m + ring * math.cos(turn), KEEP_OUT_M),
+                        height_m=max(target.height_m + lift, KEEP_OUT_M),
                     )
                     if not self._taken(other):
                         return _text(other)
+        return ""
+
+    def _in_reach(self, target: Target) -> str:
+        """The nearest place at the target's slew angle where the machine can be, however far it is."""
+        steps = np.arange(KEEP_OUT_M, GRID_UP_TO_M, GRID_M)
+        radii, heights = (one.ravel() for one in np.meshgrid(steps, steps))
+        for k in np.argsort(np.hypot(radii - target.radius_m, heights - target.height_m), kind="stable"):
+            other = replace(target, radius_m=float(radii[k]), height_m=float(heights[k]))
+            if not self._taken(other):
+                return _text(other)
         return ""
 
     def _blocked(self, start: np.ndarray, goal: np.ndarray) -> str:
@@ -255,6 +269,14 @@ def pose_of(target: Target) -> np.ndarray:
     """Slew (as it is told, not wrapped), boom and stick angle with the grab at a target."""
     _, boom, stick = (float(v) for v in kinematics.inverse(*target.xyz, kinematics.geometry()))
     return np.array([math.radians(target.slew_deg), boom, stick])
+
+
+def _never_reached(goal: Goal) -> str:
+    """Why a target that moves is never within reach; "" where it is at some time."""
+    times = [row[0] for row in goal.path]
+    places = goal.at(np.concatenate([times, np.linspace(times[0], times[-1], PLACES)])).tolist()
+    reasons = [kinematics.reachable(*place) for place in places]
+    return f"never on its path within reach; first {reasons[0]}" if all(reasons) else ""
 
 
 def _turns(start: np.ndarray, goal: np.ndarray) -> Sequence[np.ndarray]:

@@ -1,5 +1,7 @@
 """Planning: own distances against coal's, free paths within limits, reasons where there is none."""
 
+import re
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -146,10 +148,28 @@ def test_a_thing_in_the_carriages_way_is_named():
         Planner(with_things(near, start=TRUCK.targets[0])).check()
 
 
-def test_a_target_beyond_reach_is_refused_with_the_reason():
-    far = replace(TRUCK.targets[0], radius_m=25.0)
-    with pytest.raises(InputError, match=r"target 1: target out of reach: .*beyond the arm"):
+@pytest.mark.parametrize("place", [{"radius_m": 25.0}, {"radius_m": 1e4}, {"height_m": 40.0}])
+def test_a_target_beyond_reach_is_refused_with_the_reason_and_the_nearest_within(place: dict[str, float]):
+    far = replace(TRUCK.targets[0], **place)
+    pattern = (
+        r"target 1: target out of reach: .*beyond the arm; free: slew \S+°, radius (\S+) m, height (\S+) m"
+    )
+    with pytest.raises(InputError, match=pattern) as error:
         Planner(with_things(targets=(far,))).check()
+    radius, height = (float(text) for text in re.findall(r"(?:radius|height) (\S+) m", str(error.value))[-2:])
+    Planner(with_things(targets=(replace(far, radius_m=radius, height_m=height),))).check()
+
+
+@pytest.mark.parametrize(("radius_m", "refused"), [(25.0, True), (10.0, False), (18.0, False)])
+def test_a_target_that_moves_and_never_comes_within_reach_is_refused(radius_m: float, refused: bool):
+    place = replace(TRUCK.targets[0], slew_deg=90.0, radius_m=radius_m, height_m=5.0)
+    moving = replace(place, path=((0.0, 0.0, 0.0, 0.0), (4.0, 0.0, -4.0, 0.0)))
+    with (
+        pytest.raises(InputError, match=r"target 1: never on its path within reach; .*; free: slew")
+        if refused
+        else nullcontext()
+    ):
+        Planner(with_things(targets=(moving,))).check()
 
 
 @pytest.mark.parametrize("which", ["training", "tuning", "validation"])

@@ -41,6 +41,11 @@ def test_every_scene_that_ships_can_be_read(name: str):
         ([box(path=[[0, 0, 0, 0], [0, 1, 0, 0]])], "times must grow"),
         ([{"kind": "height_map", "name": "p", "corner": [7, 0], "cell": 1.0, "heights": [[1, 2], [1]]}],
          r"row 2 has 1 cells, others 2: the map has gaps"),
+        ([{"kind": "height_map", "name": "p", "corner": [7, 0], "cell": 1.0,
+           "heights": [[1, 2], [1.0, float("nan")]]}],
+         r"things\.1: heights: row 2, cell 2 is nan: the map has gaps; write 0"),
+        ([{"kind": "height_map", "name": "p", "corner": [7, 0], "cell": 1.0, "heights": [[1, ""]]}],
+         r"row 1, cell 2 is '': the map has gaps"),
         ([{"kind": "height_map", "name": "p", "corner": [7, 0], "cell": 0.1,
            "heights": [[0.1 * (i % 2) + 0.1 for i in range(30)]] * 30}],
          r"901 solids, at most 400; 'p' alone has 900: larger cells"),
@@ -51,6 +56,11 @@ def test_every_scene_that_ships_can_be_read(name: str):
 def test_a_mistake_is_named_with_its_place(things: list[dict[str, Any]], message: str):
     with pytest.raises(InputError, match=message):
         changed(things=things)
+
+
+def test_a_tolerance_as_wide_as_the_yard_is_refused():
+    with pytest.raises(InputError, match=r"tolerance_m = 500: at most 5 m"):
+        changed(tolerance_m=500.0)
 
 
 def test_a_thing_may_move_for_longer_than_it_may_be_far():

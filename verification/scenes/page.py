@@ -1,7 +1,7 @@
 """The page of a study: its table, and for each scene and controller what one run looked like.
 
-From above and from the side as SVG, and in three dimensions with the run played back; nothing is loaded from
-anywhere.
+From above and from the side as SVG, and in three dimensions with the run played back, what moves with it;
+nothing is loaded from anywhere.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,12 +14,14 @@ import numpy as np
 from records.report import markers, shell
 from records.report.figures import Figure
 from specs import markdown, outlines, shapes
-from specs.scene import Box, Cylinder, Scene
+from specs.scene import GROUND, Box, Cylinder, HalfSpace, Scene, moved
 from specs.version import VERSION
 
 INK, WAY, DRIVEN, THING, ZONE, GOAL = "#1d2730", "#8a939c", "#134a7c", "#b9a27c", "#d9822b", "#2a8c82"
 VIEW_PX, SPAN_M, TOP_M = 480, 15.0, 15.0  # of a view: its width, what it shows to either side, and up
+SWEPT_M = 0.5  # between the grabs that show what it swept
 Row = Mapping[str, Any]
+Solid = Box | Cylinder | HalfSpace
 Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # columns and rows
 
 
@@ -67,13 +69,21 @@ def view(scene: Scene, row: Row, up: int) -> str:
             f"{(p[0] + SPAN_M) * scale:.1f},{(low + height - p[-1]) * scale:.1f}" for p in points[:, [0, up]]
         )
 
-    def shape(solid: Box | Cylinder, look: str) -> str:
-        flat = outlines.hull(outlines.corners(solid)[0][:, [0, up]])
+    def shape(solid: Solid, look: str) -> str:
+        corners, _ = _mesh_of(solid)
+        if not len(corners):  # a half-space that is out of the picture
+            return ""
+        flat = outlines.hull(corners[:, [0, up]])
         points = np.stack([flat[:, 0], flat[:, 1], flat[:, 1]], axis=1)
         return f"<polygon points='{at(points)}' {look}><title>{escape(solid.name)}</title></polygon>"
 
     picture, sizes = row["picture"], shapes.sizes()
-    parts = [shape(s, f"fill='{THING}' stroke='{INK}'") for s in _shown(scene)]
+    later = [moved(s, place) for s in _shown(scene) if s.path for place in s.places()]
+    parts = [shape(s, f"fill='none' stroke='{WAY}' stroke-dasharray='2 3'") for s in later]
+    parts += [
+        shape(s, f"fill='{THING}' stroke='{INK}'") for s in _at(scene, 0.0) if isinstance(s, Box | Cylinder)
+    ]
+    parts += [shape(s, f"fill='none' stroke='{THING}'") for s in _at(scene, 0.0) if isinstance(s, HalfSpace)]
     parts += [shape(z.shape, f"fill='none' stroke='{ZONE}' stroke-dasharray='4 3'") for z in scene.zones]
     parts += [_line(at(np.array(way)), WAY, "5 3", "planned") for way in picture["ways"]]
     parts.append(_line(at(np.array(picture["grab"])), DRIVEN, "", "driven"))
@@ -107,24 +117,36 @@ def _line(points: str, colour: str, dashes: str, name: str, width: float = 1.5) 
     )
 
 
-def _shown(scene: Scene) -> list[Box | Cylinder]:
-    """The solids that have an outline; half-spaces have none."""
-    return [s for s in scene.solids() if isinstance(s, Box | Cylinder)]
+def _shown(scene: Scene) -> list[Solid]:
+    """All solids but the ground."""
+    return [solid for solid in scene.solids() if solid.name != GROUND]
+
+
+def _at(scene: Scene, second: float) -> list[Solid]:
+    """The same, each where it is that long after the scene began."""
+    return [moved(s, tuple(outlines.away(s, np.array([second]))[0].tolist())) for s in _shown(scene)]
+
+
+def _mesh_of(solid: Solid) -> tuple[np.ndarray, outlines.Faces]:
+    return outlines.plate(solid) if isinstance(solid, HalfSpace) else outlines.corners(solid)
 
 
 def in_space(scene: Scene, row: Row, name: str) -> Figure:
     """The scene in three dimensions, with the run played back."""
     picture, sizes = row["picture"], shapes.sizes()
-    data = [_mesh(*outlines.corners(s), THING, s.name, 1.0) for s in _shown(scene)]
+    data = [_solid(s) for s in _at(scene, 0.0)]
     data += [_mesh(*outlines.corners(z.shape), ZONE, z.shape.name, 0.15) for z in scene.zones]
     data += [_track(way, WAY, "planned", "dash") for way in picture["ways"]]
     data.append(_track(picture["grab"], DRIVEN, "driven", "solid"))
-    moving = [len(data), len(data) + 1]
+    data.append(_mesh(*_swept(picture, sizes), DRIVEN, "swept by the grab", 0.1))
+    things = [k for k, solid in enumerate(_shown(scene)) if solid.path]
+    moving = [*things, len(data), len(data) + 1]
     data += _machine(picture["angles"][0], sizes)
-    frames = [
-        {"name": f"{k}", "data": _machine(angles, sizes), "traces": moving}
-        for k, angles in enumerate(picture["angles"])
-    ]
+    frames = []
+    for k, angles in enumerate(picture["angles"]):
+        there = _at(scene, k * picture["step_s"]) if things else []
+        now = [_solid(there[thing]) for thing in things]
+        frames.append({"name": f"{k}", "data": [*now, *_machine(angles, sizes)], "traces": moving})
     span = {"range": [-SPAN_M, SPAN_M], "title": {"text": ""}}
     play = {"label": "play", "method": "animate", "args": [None, _pace(picture["step_s"])]}
     layout = {
@@ -158,6 +180,23 @@ def _machine(angles: Sequence[float], sizes: Mapping[str, float]) -> list[dict[s
     ]
 
 
+def _solid(solid: Solid) -> dict[str, Any]:
+    return _mesh(*_mesh_of(solid), THING, solid.name, 0.4 if isinstance(solid, HalfSpace) else 1.0)
+
+
+def _swept(picture: Mapping[str, Any], sizes: Mapping[str, float]) -> tuple[np.ndarray, outlines.Faces]:
+    """The grab with its load at places of the run that are `SWEPT_M` apart, as one mesh."""
+    points, faces, last = list[np.ndarray](), list[tuple[int, int, int]](), np.full(3, np.inf)
+    for angles, place in zip(picture["angles"], np.array(picture["grab"]), strict=False):
+        if np.linalg.norm(place - last) < SWEPT_M:
+            continue
+        first, (at, sides) = sum(map(len, points)), outlines.grab(np.array(angles), sizes)
+        faces += [(first + a, first + b, first + c) for a, b, c in sides]
+        points.append(at)
+        last = place
+    return np.vstack(points), faces
+
+
 def _track(points: Any, colour: str, name: str, dash: str, width: int = 4) -> dict[str, Any]:
     x, y, z = ([None if v != v else round(v, 3) for v in column] for column in zip(*points, strict=True))
     look = {"color": colour, "dash": dash, "width": width}
@@ -167,7 +206,7 @@ def _track(points: Any, colour: str, name: str, dash: str, width: int = 4) -> di
 def _mesh(
     points: np.ndarray, faces: outlines.Faces, colour: str, name: str, opacity: float
 ) -> dict[str, Any]:
-    (x, y, z), (i, j, k) = np.round(points, 3).T.tolist(), np.array(faces).T.tolist()
+    (x, y, z), (i, j, k) = np.round(points, 3).T.tolist(), np.array(faces, int).reshape(-1, 3).T.tolist()
     return {
         "type": "mesh3d", "x": x, "y": y, "z": z, "i": i, "j": j, "k": k, "color": colour, "opacity": opacity,
         "name": name, "hoverinfo": "name", "flatshading": True,

@@ -1,13 +1,14 @@
 """The page of a study: outlines, views, and that a browser draws it."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from specs import outlines, shapes
-from specs.scene import Box, Cylinder, load
+from specs.scene import Box, Cylinder, HalfSpace, load
 from tests.records.report.test_browser import open_page
 from verification.scenes import page
 
@@ -51,6 +52,45 @@ def test_both_views_show_every_thing_by_its_name():
         text = page.view(TRUCK, ROW, up)
         assert all(solid.name in text for solid in TRUCK.solids()[1:])
         assert "over the truck" in text
+
+
+def test_what_moves_is_where_it_is_at_each_moment_of_the_run():
+    gate = Box(name="gate", middle=(8, 8, 1), size=(1, 1, 2), path=((0.1, 0, 0, 0), (0.3, 4, 0, 0)))
+    figure = page.in_space(replace(TRUCK, things=(gate,)), ROW, "s")
+    (trace,) = [k for k, one in enumerate(figure.data) if one["name"] == "gate"]
+    middles = [np.mean(frame["data"][frame["traces"].index(trace)]["x"]) for frame in figure.frames]
+    assert np.allclose(middles, [8.0, 10.0])
+    text = page.view(replace(TRUCK, things=(gate,)), ROW, 1)
+    assert text.count("<title>gate</title>") == 3  # at its start and at both ends of its path
+
+
+def test_a_wall_that_is_a_half_space_is_drawn_and_the_ground_is_not():
+    wall = HalfSpace(name="quay", point=(0, 12, 0), normal=(0, -1, 0))
+    scene = replace(TRUCK, things=(wall,))
+    drawn = [one["name"] for one in page.in_space(scene, ROW, "s").data]
+    assert "quay" in drawn
+    assert "ground" not in drawn
+    assert "<title>quay</title>" in page.view(scene, ROW, 1)
+
+
+def test_a_half_space_may_leave_the_picture():
+    wall = HalfSpace(name="quay", point=(0, 12, 0), normal=(0, -1, 0), path=((0, 0, 0, 0), (0.2, 0, 60, 0)))
+    scene = replace(TRUCK, things=(wall,))
+    first, second = (frame["data"][0]["x"] for frame in page.in_space(scene, ROW, "s").frames)
+    assert first
+    assert not second
+    assert page.view(scene, ROW, 1).count("<title>quay</title>") == 2  # where it is at first, twice
+
+
+def test_the_grab_is_shown_where_it_swept():
+    row = {**ROW, "picture": {**ROW["picture"], "grab": [[10, 0, 3], [10.2, 0, 3]]}}
+    meshes = [one["name"] for one in page.in_space(TRUCK, row, "s").data if one["type"] == "mesh3d"]
+    assert meshes.count("swept by the grab") == 1
+    near, far = (
+        len(next(one for one in page.in_space(TRUCK, r, "s").data if one["name"] == "swept by the grab")["x"])
+        for r in (row, ROW)
+    )
+    assert far == 2 * near  # places nearer than half a metre are one
 
 
 def test_a_markdown_page_has_the_tables_between_its_markers(tmp_path: Path):
