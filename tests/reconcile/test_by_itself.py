@@ -166,6 +166,14 @@ def test_what_the_likelihood_prefers_is_told_where_nothing_else_would_be_left(un
     assert ByItself(other).answer is other
 
 
+@pytest.mark.parametrize(("chance", "told"), [(0.2, False), (0.05, True)])
+def test_nothing_is_told_where_it_may_well_be_a_curve(unnamed: Answer, chance: float, told: bool):
+    curve = frozenset({unnamed.core.curves[0]})
+    posterior = {curve: chance, frozenset(): 1.0 - chance}
+    given = replace(unnamed, judged=replace(unnamed.judged, posterior=posterior))
+    assert bool(ByItself(given).answer.present) is told
+
+
 def test_no_more_effects_are_tried_than_there_is_time_for(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(by_itself, "STEPS", 0.0)
     assert ByItself(unnamed).points == {}
