@@ -78,6 +78,15 @@ def check_standing(paths: Sequence[Path]) -> None:
             )
 
 
+def check_task(paths: Sequence[Path], tasks: Sequence[str]) -> None:
+    """InputError names an ONNX policy that is of none of the tasks that were asked for."""
+    for path in paths:
+        if path.suffix == ".onnx" and (own := read(path).contract.task) not in tasks:
+            raise InputError(
+                f"{path}: a policy of task {own}; --task {' --task '.join(tasks)} asks for another"
+            )
+
+
 def _plain(path: Path) -> str:
     """A file's or folder's name in letters, digits and underscores."""
     return re.sub(r"\W", "_", path.absolute().stem)

@@ -108,8 +108,12 @@ def policies(texts: list[str]) -> dict[str, Path]:
     found = {}
     for text in texts:
         name, equals, file = text.partition("=")
-        if not equals or name not in ROLES:
-            raise InputError(f"--policy {text}: valid is ROLE=FILE; {nearest(name, ROLES)}")
+        if not equals:
+            raise InputError(f"--policy {text}: valid is ROLE=FILE, with a role of: {', '.join(ROLES)}")
+        if name not in ROLES:
+            raise InputError(
+                f"--policy {text}: no role '{name}'; {nearest(name, ROLES)} (valid: {', '.join(ROLES)})"
+            )
         if name in found:
             raise InputError(f"--policy {text}: {name} is given twice")
         check(name, Path(file))

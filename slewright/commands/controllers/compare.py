@@ -129,6 +129,7 @@ def compare(
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     chosen = draws.SEALED if sealed else draw_set
     swept = sorted({1.0, *(pace or PACES)}) if sweep and not quick else (1.0,)
+    policies.check_task(policy or (), [t.value for t in task or Task])
     own = policies.controllers(policy or ())
     question = planning.Question(
         controllers=[*from_files.apply_all(registry.select(controller or ()), gains or ()), *own.values()],
@@ -176,11 +177,14 @@ def _on_plants(
 ) -> None:
     """One table, controllers by plants; without a name every controller and the policy that ships."""
     from baselines import gains as from_files
+    from verification.evaluation import policies
     from verification.plants import page as pages, study
 
     if page is not None:
         pages.check(page)
     on = study.find_plants(plants, our_inertia)
+    if wanted:
+        policies.check_task([Path(text) for text in texts], [wanted.value])
     controllers = study.find_controllers(texts) if texts else study.everyone()
     controllers = from_files.apply_all(controllers, gains)
     task = wanted.value if wanted else study.task_of(texts)

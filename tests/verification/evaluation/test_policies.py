@@ -11,6 +11,7 @@ import pytest
 from baselines import registry
 from learning.policy import export
 from learning.policy.controller import write_folder
+from slewright import __main__ as entry
 from slewright.commands.controllers.evaluate import evaluate
 from specs.errors import InputError
 from specs.policy import contract
@@ -328,3 +329,19 @@ def test_seeds_stand_below_their_mean() -> None:
     assert "| 2 | 1.0 | 12.60 ± " in text
     found["seeds"] = {"1": seeds["1"]}
     assert "| seed |" not in evaluation.markdown(found)
+
+
+@pytest.mark.parametrize("where", ["", "--plants nominal"])
+@pytest.mark.parametrize(("task", "other"), [("slew", "full"), ("full", "slew")])
+def test_compare_refuses_a_policy_of_another_task_than_is_asked_for(
+    task: str, other: str, where: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = SHIPPED / f"{other}.onnx"
+    words = f"--task {task} --controller pd --policy {path} {where or f'--out {tmp_path}'}"
+    assert entry.run(["compare", *words.split()]) == 2
+    said = capsys.readouterr().err
+    assert f"slewright: {path}: a policy of task {other}; --task {task} asks for another" in said
+
+
+def test_a_policy_of_one_of_several_tasks_is_compared() -> None:
+    policies.check_task([SHIPPED / "full.onnx", Path("baselines/pd")], ["slew", "full"])
