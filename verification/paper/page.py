@@ -31,7 +31,8 @@ Fig. 1 (a photograph), Fig. 4 (forces on the tool) and Fig. 5 (ROS 2 nodes) are 
 TRAINING = {
     "full": "Slew models and policies were trained anew.",
     "tiny": "**Trainings were cut down to seconds: these figures only show that everything runs.**",
-    "": "Nothing was trained: policies are those that ship, slew models those of a stored training.",
+    "": "Nothing that is shown was trained: policies are those that ship, slew models those of a stored "
+    "training. The data routine alone trains an early slew model, for its closed loop.",
 }
 
 

@@ -17,7 +17,7 @@ OURS = ""  # the paper's row of a line that the paper does not have
 HEAD = ("", "where", "controller", "load", "speed °/s", "overshoot °", "error {}", "tool °/s", "missed %")
 NOTE = (
     f"±: standard error of the mean, the targets taken as independent; a load is drawn once for {RUN} of "
-    "them, so that of *unknown* is rather too small. The paper states none."
+    "them, so that of *unknown* is rather too small. The paper states none. Missed: not reached within 15 s."
 )
 
 

@@ -21,7 +21,7 @@ def reproduce(
         list[str] | None, typer.Argument(metavar="NAME...", help="Tables and figures (default: all).")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="From what ships: nothing is trained, under 15 minutes.")
+        bool, typer.Option("--quick", help="From what ships: nothing shown is trained, under 15 min.")
     ] = False,
     budget: Annotated[
         str, typer.Option(help="full (trains where the paper trains), or tiny to see that all of it runs.")

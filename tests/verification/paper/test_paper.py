@@ -16,7 +16,7 @@ from slewright import __main__ as entry
 from slewright.commands.controllers.reproduce import ROLES
 from specs.errors import InputError
 from tests.conftest import ROOT
-from verification.paper import asked as asking, items, reproduction, slew_model, trials
+from verification.paper import asked as asking, items, page, reproduction, slew_model, trials
 from verification.paper.asked import EFFORTS, Asked
 from verification.paper.items import Item
 from verification.paper.made import COLUMNS, NO_BREAK, Made, filled
@@ -235,6 +235,8 @@ def test_the_page_that_ships_has_every_item() -> None:
     assert [line for line in text.splitlines() if line.startswith("## ")][:-1] == places
     for name in ORDER:
         assert filled(f"**Where they differ.** {WHY[name]}") in text, name
+    assert text.count(filled(trials.NOTE)) == 3  # Tables IV to VI
+    assert page.TRAINING[""] in " ".join(text.split())
 
 
 @pytest.mark.long
