@@ -51,9 +51,8 @@ def run_all(
         with Plant(bundle, seed, canopen=fault.name.startswith("canopen_")) as plant:
             try:
                 makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
-            except (
-                RunError
-            ) as error:  # what came before it counts, and the other faults are injected all the same
+            except RunError as error:
+                # what came before it counts, and the other faults are injected all the same
                 outcome.missed.append(f"ended after {outcome.injected} of {count} injections: {error}")
         outcomes.append(outcome)
     return outcomes

@@ -11,7 +11,7 @@ import numpy as np
 from reconcile.recordings.data import Block, Run, Signal
 from reconcile.recordings.ends import held
 from reconcile.search.core import Core
-from reconcile.start.units import THOUSAND, bare, known_ratios, other_units, turned_line, turns
+from reconcile.start.units import THOUSAND, bare, both_ways, known_ratios, other_units, turned_line, turns
 
 Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
@@ -97,8 +97,8 @@ def rescaled(core: Core) -> list[Reading]:
     alone = [group[0] for group in turns(core.model, core.outputs) if len(group) == 1]
     usual = [multiplied(ratio, n) for n in alone if n in shown for ratio in other_units(units[n])]
     others = {n: level for n, level in _levels(core).items() if n not in alone or n not in shown}
-    both = [r for k in THOUSAND for r in (1.0 / k, k)]
-    far = [multiplied(r, n) for n, level in others.items() for r in both if 1.0 / NEAR < level * r < NEAR]
+    ratios = both_ways(THOUSAND)
+    far = [multiplied(r, n) for n, level in others.items() for r in ratios if 1.0 / NEAR < level * r < NEAR]
     return usual + far
 
 
@@ -127,9 +127,9 @@ def relabelled(core: Core) -> list[Reading]:
     reading.  A model in steps has its own clock.
     """
     units = {v.name: v.unit for v in (*core.model.inputs, *core.model.outputs)}
-    driven, channels = inputs(core), [*inputs(core), *core.outputs]
+    channels = [*inputs(core), *core.outputs]
     pairs = [(a, b) for a, b in combinations(channels, 2) if units[a] == units[b] or len(channels) <= MANY]
-    commands = [n for n in driven if held(_values(core, n))]
+    commands = [n for n in inputs(core) if held(_values(core, n))]
     pairs = [(a, b) for a, b in pairs if a not in commands or held(_values(core, b))]
     warm = [n for n in core.outputs if units[n] in ("K", "degC")]
     cold = [

@@ -1,6 +1,6 @@
 """Units and signs asked first: outputs that are rates of others must change them by what they say."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -147,7 +147,12 @@ def known_ratios() -> dict[float, str]:
 def other_units(unit: str) -> list[float]:
     """What a channel of a unit may have to be multiplied by, if it is in another one."""
     usual = next((ratios for units, ratios in USUAL if unit in units), THOUSAND)
-    return [r for k in usual for r in (1 / k, k)]
+    return both_ways(usual)
+
+
+def both_ways(ratios: Iterable[float]) -> list[float]:
+    """Ratios and their inverses: either side may be in the other unit."""
+    return [r for k in ratios for r in (1 / k, k)]
 
 
 def _ratio(run: Any, position: str, rate: str) -> float | None:

@@ -322,16 +322,19 @@ def test_an_operator_acknowledges_and_nobody_else(served: Beside, papers: dict[s
     assert any("planner" in e["what"] and "refused Acknowledge" in e["what"] for e in told)
 
 
+class Heard:
+    """What a client is told of events."""
+
+    def __init__(self) -> None:
+        self.events: list[Any] = []
+
+    def event_notification(self, event: Any) -> None:
+        self.events.append(event)
+
+
 def test_alarms_come_and_go_as_events_and_the_loss_of_the_control_process_shows(
     served: Beside, papers: dict[str, Any]
 ):
-    class Heard:
-        def __init__(self) -> None:
-            self.events: list[Any] = []
-
-        def event_notification(self, event: Any) -> None:
-            self.events.append(event)
-
     async def look() -> None:
         heard = Heard()
         statuses({s.name: Status.OK for s in INPUT.signals}, served.inputs)
@@ -524,13 +527,6 @@ def test_who_is_refused_is_told(served: Beside, papers: dict[str, Any]):
 
 
 def test_a_client_that_comes_later_asks_for_the_alarms_that_last(served: Beside, papers: dict[str, Any]):
-    class Heard:
-        def __init__(self) -> None:
-            self.events: list[Any] = []
-
-        def event_notification(self, event: Any) -> None:
-            self.events.append(event)
-
     async def look() -> None:
         places = [INPUT.at(name) for name in ("emergency_stop", "machine_fault")]
         async with connected(served, papers) as (client, _):
