@@ -14,10 +14,11 @@ import torch
 from torch import Tensor, nn
 
 from fmus.models.slew_nn.network import SlewNetwork
+from learning.policy.features import mirrored
 from learning.policy.gradient import begin
 from learning.policy.recipe import Recipe
 from learning.policy.simulation.kernel import Tanh
-from learning.policy.simulation.situation import Situation, hidden
+from learning.policy.simulation.situation import Situation, hidden, hidden_mirrored
 from learning.policy.trainer import Trainer
 from specs.policy import SPACING_S
 
@@ -80,6 +81,7 @@ class PpoTrainer(Trainer):
                 earned = reward * SPACING_S + self.recipe.ending * over
                 self.algorithm.process_env_step(seen, earned, over | late, {"time_outs": late.float()})
             self.algorithm.compute_returns(seen)
+        self.algorithm.actor.requires_grad_(self.progress >= self.recipe.critic_first)
         told = self.algorithm.update()
         losses = {f"loss/{k}": float(v) for k, v in told.items() if v is not None}
         self.check_update(losses, {"actor": self.algorithm.actor, "critic": self.algorithm.critic})
@@ -141,12 +143,29 @@ class PpoTrainer(Trainer):
         self.algorithm.learning_rate = state["rate"]
 
 
+def both_ways(env: PpoTrainer, obs: Any, actions: Tensor | None) -> tuple[Any, Tensor | None]:
+    """Observations [n] and actions [n, k] with their mirror images behind them, for rsl-rl-lib's symmetry."""
+    from tensordict import TensorDict
+
+    def turned(values: Tensor, end: str) -> Tensor:
+        r = env.recipe
+        return values * torch.tensor(mirrored(r.task, r.history, end, r.ahead), device=values.device)
+
+    if obs is not None:
+        images = {"policy": turned(obs["policy"], "inputs")}
+        if "hidden" in obs.keys():  # noqa: SIM118 (a TensorDict is iterated by rows)
+            images["hidden"] = hidden_mirrored(obs["hidden"])
+        obs = torch.cat([obs, TensorDict(images, batch_size=obs.batch_size)])  # type: ignore[arg-type]
+    return obs, None if actions is None else torch.cat([actions, turned(actions, "outputs")])
+
+
 def _settings(r: Recipe) -> dict[str, Any]:
     """rsl-rl-lib's configuration."""
     network = {"class_name": "rsl_rl.models:MLPModel", "hidden_dims": list(r.layers), "activation": "tanh"}
     deviation = {
         "class_name": "GaussianDistribution", "init_std": r.deviation, "std_range": (r.deviation_least, 1e6),
     }  # fmt: skip
+    mirror = {"data_augmentation_func": both_ways, "use_data_augmentation": True}
     return {
         "num_steps_per_env": r.steps,
         "obs_groups": {"actor": ["policy"], "critic": ["policy", *(["hidden"] if r.asymmetric else [])]},
@@ -156,6 +175,7 @@ def _settings(r: Recipe) -> dict[str, Any]:
             "class_name": "rsl_rl.algorithms:PPO", "num_learning_epochs": r.epochs,
             "num_mini_batches": r.batches, "clip_param": r.clip, "gamma": r.discount, "lam": r.trace,
             "entropy_coef": r.entropy, "learning_rate": r.rate, "schedule": r.schedule,
+            "symmetry_cfg": mirror if r.mirrored else None,
             "value_loss_coef": 1.0, "use_mixed_precision": r.mixed, "max_grad_norm": r.norm,
         },
         "multi_gpu": None,

@@ -109,6 +109,8 @@ class Recipe:
     clip: float = 0.2
     schedule: str = "adaptive"  # of the learning rate; authors' code: "fixed"
     mixed: bool = False  # the update's matrix products in bfloat16
+    critic_first: float = 0.0  # share of the iterations in which the critic alone learns
+    mirrored: bool = False  # every step is learnt from as it was and with left and right exchanged
     asymmetric: bool = False  # the critic sees load, tool length, dead band, pressures
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient
@@ -156,7 +158,11 @@ class Recipe:
             raise InputError(
                 f"a teacher (privileged) has no teacher itself: --set teacher=, not {self.teacher}"
             )
-        other = ("asymmetric", "mixed", "ending") if self.method == "gradient" else ("privileged", "teacher")
+        other = (
+            ("asymmetric", "mixed", "mirrored", "critic_first", "ending")
+            if self.method == "gradient"
+            else ("privileged", "teacher")
+        )
         for name in other:
             if getattr(self, name):
                 able = "ppo" if self.method == "gradient" else "gradient"
@@ -263,6 +269,12 @@ _RECIPES = (
     Recipe(
         "robust", "ours, on a family of drives: goes on from `ppo.onnx` by the simulation's gradient",
         start="ppo.onnx", weights={**_OURS, "action": 0.3}, **_FAMILY, iterations=300, rate=5e-4,
+    ),
+    Recipe(
+        "full_ppo", "the same by PPO: goes on from `full.onnx`", method="ppo", start="full.onnx",
+        weights={**_OURS, "action": 0.3}, **{**_FAMILY, "envs": 1024}, asymmetric=True, mirrored=True,
+        critic_first=0.15, iterations=300, rate=3e-4, steps=48, discount=0.99, deviation=0.05,
+        deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
         "slew_robust",

@@ -117,7 +117,7 @@ RECIPE: Mapping[str, Rule] = {
     "steps": whole(1), "epochs": whole(1), "batches": whole(1), "deviation": POSITIVE,
     "deviation_least": POSITIVE, "discount": SHARE, "trace": SHARE,
     "entropy": NO_LESS, "clip": POSITIVE, "schedule": choice(("adaptive", "fixed")),
-    "mixed": TRUTH, "asymmetric": TRUTH,
+    "mixed": TRUTH, "critic_first": SHARE, "mirrored": TRUTH, "asymmetric": TRUTH,
     "norm": POSITIVE, "fade": SHARE, "level": NO_LESS, "privileged": TRUTH, "teacher": TEXT,
     "imitation": NO_LESS,
 }  # fmt: skip

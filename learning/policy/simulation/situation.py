@@ -72,6 +72,13 @@ def hidden(s: Situation) -> Tensor:
     ], dim=1)  # fmt: skip
 
 
+def hidden_mirrored(seen: Tensor) -> Tensor:
+    """`hidden` with left and right exchanged: the bias of roll turns, the pressures change places."""
+    mirrored = seen[:, [0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 9, 11]]
+    mirrored[:, 7] *= -1.0
+    return mirrored
+
+
 def _on(value: Tensor | State | Machine, device: str) -> Any:
     if isinstance(value, Tensor):
         return value.to(device)

@@ -70,6 +70,9 @@ def test_every_field_has_a_rule() -> None:
         ("last=1", "last = 1"),
         ("asymmetric=true", "asymmetric is for --set method=ppo; by gradient"),
         ("mixed=true", "mixed is for --set method=ppo"),
+        ("mirrored=true", "mirrored is for --set method=ppo"),
+        ("critic_first=0.1", "critic_first is for --set method=ppo"),
+        ("critic_first=2", "critic_first = 2: valid is a number from 0 to 1"),
         ("ending=-1", "ending is for --set method=ppo"),
     ],
 )  # fmt: skip
