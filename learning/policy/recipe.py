@@ -272,8 +272,8 @@ _RECIPES = (
     ),
     Recipe(
         "full_ppo", "the same by PPO: goes on from `full.onnx`", method="ppo", start="full.onnx",
-        weights={**_OURS, "action": 0.3}, **{**_FAMILY, "envs": 1024}, asymmetric=True, mirrored=True,
-        critic_first=0.15, iterations=300, rate=3e-4, steps=48, discount=0.99, deviation=0.05,
+        weights={**_OURS, "action": 0.3}, **{**_FAMILY, "envs": 512}, asymmetric=True, mirrored=True,
+        critic_first=0.15, iterations=200, rate=3e-4, steps=48, discount=0.99, deviation=0.05,
         deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
