@@ -216,9 +216,11 @@ _DRIVES: dict[str, Any] = {  # as far as slew drives differ
     "gain": (0.75, 1.33), "inertia_scale": (0.7, 1.4), "slew_delay": (0.0, 0.25), "edge": (-0.2, 0.5),
     "rate_filter": (0.0, 0.4),
 }  # fmt: skip
+_EXACTLY: dict[str, Any] = {
+    "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06), "curriculum": 0.0,
+}  # fmt: skip
 _FAMILY: dict[str, Any] = {
-    "family": True, "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06),
-    "curriculum": 0.0, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0, "consecutive": 0.5,
+    "family": True, **_EXACTLY, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0, "consecutive": 0.5,
     "envs": 192,
     "random": Randomisation(
         oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), **_DRIVES
@@ -229,6 +231,7 @@ _SEEING: dict[str, Any] = {  # the way now, before, at and after the target that
     "lead_s": 1.2, "waypoints_s": (0.0, 0.4, 0.8, 2.0, 3.0), "field_m": 3.0,
 }  # fmt: skip
 _ALWAYS_FRESH: dict[str, Any] = {"envs": 256, "consecutive": 0.0, "swinging": 0.5}  # PPO: ways cost time
+_LIKE_OURS = Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2))
 _SCRATCH: dict[str, Any] = {  # ours, PPO
     "method": "ppo", "deviation_least": 0.05, "asymmetric": True, "spatial": True, "episode_s": 15.0,
     "consecutive": 0.5, "first": Shape(8.0, 4.0, 0.3, 0.4), "last": Shape(1.0, 0.5, 0.1, 0.06),
@@ -247,7 +250,7 @@ _RECIPES = (
     Recipe(
         "ppo", "ours, PPO from scratch: no law to start from, a critic that sees the machine",
         weights=_OWN_PPO, ending=-8.0, **_SCRATCH,
-        random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
+        random=_LIKE_OURS,
     ),
     Recipe(
         "ppo_slew", "ours, slew-only, PPO from scratch, over a family of drives", task="slew", **_SCRATCH,
@@ -258,8 +261,15 @@ _RECIPES = (
         "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
         fade=0.99, level=2.0, spatial=True,
-        random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
+        random=_LIKE_OURS,
         episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
+    ),
+    Recipe(
+        "single_ppo", "ours: goes on from `single.onnx` by PPO, on machines like the project's",
+        method="ppo", prior="gentle", start="single.onnx", weights=_OURS, **_EXACTLY, spatial=True,
+        random=_LIKE_OURS, episode_s=15.0, consecutive=0.5, asymmetric=True, mirrored=True, critic_first=0.15,
+        envs=512, iterations=200, rate=1e-4, steps=48, discount=0.99, deviation=0.05, deviation_least=0.02,
+        ending=-8.0,
     ),
     Recipe(
         "family", "ours, on a family of drives: goes on from `single.onnx`, the joystick's change limited",
@@ -269,12 +279,6 @@ _RECIPES = (
     Recipe(
         "robust", "ours, on a family of drives: goes on from `ppo.onnx` by the simulation's gradient",
         start="ppo.onnx", weights={**_OURS, "action": 0.3}, **_FAMILY, iterations=300, rate=5e-4,
-    ),
-    Recipe(
-        "full_ppo", "the same by PPO: goes on from `full.onnx`", method="ppo", start="full.onnx",
-        weights={**_OURS, "action": 0.3}, **{**_FAMILY, "envs": 512}, asymmetric=True, mirrored=True,
-        critic_first=0.15, iterations=200, rate=3e-4, steps=48, discount=0.99, deviation=0.05,
-        deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
         "slew_robust",

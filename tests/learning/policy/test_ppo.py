@@ -13,9 +13,9 @@ from learning.policy.recipe import recipe
 from learning.policy.simulation.situation import Situation, hidden, hidden_mirrored
 
 
-def trainer(name: str = "full_ppo", **changed: object) -> PpoTrainer:
+def trainer(name: str = "single_ppo", **changed: object) -> PpoTrainer:
     """A recipe on few machines and an untrained slew network."""
-    told = recipe(name, True, **{"envs": 8, "iterations": 4, "family": False, **changed})
+    told = recipe(name, True, **{"envs": 8, "iterations": 4, **changed})
     return PpoTrainer(told, [untrained(1, residual=True)], 1)
 
 
