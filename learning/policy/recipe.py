@@ -220,8 +220,8 @@ _EXACTLY: dict[str, Any] = {
     "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06), "curriculum": 0.0,
 }  # fmt: skip
 _FAMILY: dict[str, Any] = {
-    "family": True, **_EXACTLY, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0, "consecutive": 0.5,
-    "envs": 192,
+    "family": True, **_EXACTLY, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0,
+    "consecutive": 0.5, "envs": 192,
     "random": Randomisation(
         oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), **_DRIVES
     ),
