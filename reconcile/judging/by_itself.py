@@ -71,6 +71,8 @@ class ByItself:
         # half is enough where otherwise nothing would be said to be left
         may = () if self._left else likely
         keys = self._telling(sure, may)
+        if keys and self._begun_at(keys[0]):
+            keys = self._telling(sure, may)
         if keys and _parameters(keys[0]) > 1:
             self.points |= dict(self._pairs())
             keys = self._telling(sure, may) or keys
@@ -79,7 +81,7 @@ class ByItself:
     @property
     def said(self) -> str:
         """A sentence on it, or a hint; "" without."""
-        if not self.points:
+        if not self.points or self._without < NEAR:
             return ""
         told = self.answer.judged.alone
         singles = [k for k in self.points if len(k) == 1]
@@ -138,7 +140,18 @@ class ByItself:
         for key in singles[:FIRST]:
             yield from self._fitted(self.points[key], SECOND, lambda a: len(a.effect.parameters) == 1)
 
-    @cached_property
+    def _begun_at(self, key: Key) -> bool:
+        """Whether the model without effects errs less when its fit begins where that with them ended.
+
+        Then the effects had no part in what they took away, and it stays so.
+        """
+        again = fit(self.core, [self.points[key].values], self.given.present)
+        if again is None or self.plain is None or self._error(again) >= (1.0 - LESS) * self._without:
+            return False
+        self.plain = again
+        return True
+
+    @property
     def _without(self) -> float:
         return self._error(self.plain) if self.plain else 0.0
 

@@ -114,6 +114,22 @@ def test_an_effect_has_to_show_in_each_part(unnamed: Answer, monkeypatch):
     assert ByItself(unnamed).answer is unnamed
 
 
+def test_what_the_model_reaches_without_an_effect_is_not_the_effects(monkeypatch):
+    """The fit without effects ended too early: those with one find the mass, which is all that was wrong."""
+    core = cored(recorded(Truth(mass=2.3, drag=1.9), seconds=12.0), FRICTION, "stiffness@v")
+    early = core.fitter.fit(core.base.values | {"mass": 1.2}, (), core.base_free, 0, own=True)
+    monkeypatch.setattr(ByItself, "_plain", lambda self: early)
+    given = answering(core, frozenset())
+    found = ByItself(given)
+    assert found.plain is early
+    assert found.answer is given
+    assert found.plain is not early
+    assert found.plain.values["mass"] == pytest.approx(2.3, rel=0.02)
+    assert not found.said
+    monkeypatch.setattr(ByItself, "_begun_at", lambda self, key: False)
+    assert ByItself(given).answer is not given
+
+
 def test_nothing_is_asked_where_nothing_errs(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(by_itself, "beyond_noise", lambda core, point: 1.0)
     assert unchanged(unnamed)
