@@ -484,7 +484,7 @@ static Counted trusted(double error, double most, double *side, double *often) {
 EXPORT int run_filter(const Run *run) {
   const int n = run->active, wide = n + NW, *at = run->state;
   static double x[MOST_NX], alone[MOST_NX], P[MOST_N * MOST_N], stepped[MOST_N * MOST_N];
-  static double u[MOST_NU], last[MOST_NU], memory[MOST_NI + 1], next[MOST_NI + 1];
+  static double u[MOST_NU], last[MOST_NU], free[MOST_NU], memory[MOST_NI + 1], next[MOST_NI + 1];
   static double y[MOST_NY], hx[MOST_NY * MOST_NX], hw[MOST_NY * MOST_NW + 1], gain[MOST_N], row[MOST_N], moved[MOST_N];
   static V total[MOST_N * MOST_QUADS];
   static Slopes slopes;
@@ -512,6 +512,7 @@ EXPORT int run_filter(const Run *run) {
         if (window != run->window[k - 1]) COPY(alone, x, NX);
         COPY(next, memory, NI);
         if (!advance(run, alone, before, 0, next, u, m, &slopes, 0)) return k;
+        COPY(free, u, NU); /* without disturbances, which `last` has */
       }
       double *transition = run->phi ? AT(run->phi, k, wide * wide) : stepped;
       if (!advance(run, x, before, w, memory, u, m, &slopes, total)) return k;
@@ -533,7 +534,7 @@ EXPORT int run_filter(const Run *run) {
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
     kf_in(arg, res, iscratch, scratch, 0);
-    if (window && run->free) shown(run, alone, k ? last : u, u, m, AT(run->free, k, NY), hx, hw);
+    if (window && run->free) shown(run, alone, k ? free : u, u, m, AT(run->free, k, NY), hx, hw);
     if (window && run->zfree) COPY(AT(run->zfree, k, NX), alone, NX);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
     int seen_any = 0;

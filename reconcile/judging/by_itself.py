@@ -145,7 +145,8 @@ class ByItself:
 
         Then the effects had no part in what they took away, and it stays so.
         """
-        again = fit(self.core, [self.points[key].values], self.given.present)
+        without = effects(self.core.fresh, tuple(key))
+        again = fit(self.core, [self.points[key].values | without], self.given.present)
         if again is None or self.plain is None or self._error(again) >= (1.0 - LESS) * self._without:
             return False
         self.plain = again

@@ -14,7 +14,7 @@ from reconcile.equations.extended import Extended
 from reconcile.equations.model import Attached, Folder, candidates
 from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
-from reconcile.filter.kalman import CREEP, STILL, Kalman
+from reconcile.filter.kalman import CORRELATED, CREEP, STILL, Kalman
 from reconcile.filter.library import HERE, headers
 from reconcile.filter.point import Free
 from reconcile.recordings.data import runs_of
@@ -465,3 +465,22 @@ def test_a_drift_counts_from_where_the_recording_begins_and_goes_on_through_a_ga
     assert here[0] == 0.0
     first, second = clocks(changed(lambda t: (t < 3.0) | (t > 5.0), 0.0), rig)
     assert first[-1] < 3.0 < 4.9 < second[0]
+
+
+def test_by_itself_a_model_knows_of_no_noise_however_late_its_sensor_is():
+    """The position's noise has a memory, which the filter follows; what the model shows by itself has none."""
+    folder, period = models.spring(), 0.02
+    rng = np.random.default_rng(7)
+    time = period * np.arange(200)
+    lasting = np.convolve(rng.standard_normal(len(time)), 0.9 ** np.arange(40))[: len(time)]
+    one = models.run({"force": (time, rng.uniform(-5, 5, len(time)))}, {"position": (time, 0.1 * lasting)})
+    (effect,) = candidates(folder, ["force", "position"], [e for e in ALL if e.name == "sensor_delay"])
+    kalman = Kalman(folder, (effect,), models.recorded(one), ["position"], correlated=["position"])
+    lasts = {f"sigma of {CORRELATED}position": 0.1, f"tau of {CORRELATED}position": 0.2}
+    shown = []
+    for delay in (0.0, 1e-9):
+        values = models.noise(kalman) | lasts | {effect.name("delay"): delay}
+        run = kalman.run(values, (effect,), windows=[np.r_[0, np.ones(len(time) - 1, int)]])
+        assert run is not None
+        shown.append(run[0].free[1:])
+    np.testing.assert_allclose(*shown, atol=1e-6)
