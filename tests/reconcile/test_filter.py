@@ -468,7 +468,7 @@ def test_a_drift_counts_from_where_the_recording_begins_and_goes_on_through_a_ga
 
 
 def test_by_itself_a_model_knows_of_no_noise_however_late_its_sensor_is():
-    """The position's noise has a memory, which the filter follows; what the model shows by itself has none."""
+    """The position's noise has a memory, which the filter follows; what the model shows by itself has not."""
     folder, period = models.spring(), 0.02
     rng = np.random.default_rng(7)
     time = period * np.arange(200)
