@@ -105,12 +105,14 @@ def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, 
 
 
 def _unmoved(problem: ClosedProblem) -> list[str]:
-    """Inputs that are constant, and outputs that hardly move."""
+    """Inputs that are constant, and outputs that hardly move where none of them does."""
     found = [f"input {n} is constant; drive it" for n in problem.still_inputs]
-    for n, level in problem.sigma.items():
-        if max(float(np.std(r.outputs[n].values)) for r in problem.runs) < SEEN * level:
-            found.append(f"output {n} moves by less than {SEEN:g} times its noise")
-    return found
+    still = [
+        f"output {n} moves by less than {SEEN:g} times its noise"
+        for n, level in problem.sigma.items()
+        if max(float(np.std(r.outputs[n].values)) for r in problem.runs) < SEEN * level
+    ]
+    return found + (still if len(still) == len(problem.sigma) else [])
 
 
 def _moved(problem: ClosedProblem, fitted: ClosedFit) -> dict[str, dict]:

@@ -53,6 +53,21 @@ def test_an_error_left_is_said_before_too_little_excitation(
     assert said in found.sentence
 
 
+@pytest.mark.parametrize(("moves", "still"), [(0.0, ["position", "speed"]), (1.0, [])])
+def test_one_output_that_moves_is_excitation(moves: float, still: list[str]):
+    """A noisy sensor beside one that tells of the motion is no lack of it."""
+    noise = np.random.default_rng(1).standard_normal(50)
+    outputs = {"position": noise + moves * np.arange(50.0), "speed": noise}
+    run = SimpleNamespace(outputs={n: SimpleNamespace(values=v) for n, v in outputs.items()})
+    core: Any = SimpleNamespace(
+        outputs=list(outputs),
+        floors=dict.fromkeys(outputs, SimpleNamespace(level=1.0)),
+        parts=SimpleNamespace(fit=[SimpleNamespace(run=run)]),
+    )
+    found = verdicts.still_outputs(core)
+    assert [text.split()[1] for text in found] == still
+
+
 def test_what_a_fit_takes_for_noise_beyond_the_sensors_own_is_error(monkeypatch):
     core: Any = SimpleNamespace(outputs=["y"], floors={"y": SimpleNamespace(level=0.1)}, spread={"y": 1.0})
     core.noise = lambda values, output: values[f"noise of {output}"]
