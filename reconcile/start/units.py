@@ -190,12 +190,19 @@ def _sentence(
     else:
         line = (
             f"state the unit of the wrong one in [names] of --map: '{column}' = '{rate} [unit]' or "
-            f"'{base}' = '{position} [unit]'"
+            f"'{base}' = '{position} [unit]'{_of_clock(ratio, theirs)}"
         )
     return (
         f"column {column} ({rate} in {units[rate]}) is {ratio:.4g} times the slope of column {base} "
         f"({position} in {units[position]}): {words}; {line}"
     )
+
+
+def _of_clock(ratio: float, theirs: Mapping[str, str]) -> str:
+    """The line that would settle it where the clock's times are in ms or us."""
+    unit = {1000.0: "ms", 1e6: "us"}.get(10.0 ** round(float(np.log10(abs(ratio)))))
+    column = theirs.get("time", "time")
+    return f", or '{column}' = 'time [{unit}]' if it is the times that are in {unit}" if unit else ""
 
 
 def bare(ours: str) -> str:

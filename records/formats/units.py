@@ -41,6 +41,7 @@ OTHERS = {
     "daN": (10.0, "N"), "lbf": (4.4482216152605, "N"), "krpm": (100.0 * 3.141592653589793 / 3.0, "rad/s"),
     "MN": (1e6, "N"),
 }  # fmt: skip
+GRAM = 1e-3, "kg"  # what "g" is of a mass; else it is the acceleration of gravity
 FOLDED = {name.lower(): name for name in reversed(UNITS)}
 PER_SECOND = {"s": 1, "ms": 1000, "us": 1_000_000, "ns": 1_000_000_000}  # of the units of a clock
 
@@ -129,7 +130,7 @@ def converted(values: np.ndarray, unit: str, wanted: str, where: str) -> np.ndar
     if unit == wanted:
         return values
     if unit in OTHERS:
-        factor, ours = OTHERS[unit]
+        factor, ours = GRAM if unit == "g" and compatible(GRAM[1], wanted) else OTHERS[unit]
         if not compatible(ours, wanted):
             raise InputError(f"{where}: '{unit}' does not measure what {wanted} does")
         return np.asarray(from_si(to_si(values.astype(np.float64) * factor, ours), wanted))  # type: ignore[arg-type]

@@ -1,8 +1,8 @@
 """Names and units in the heading of a column, and which columns may be the clock.
 
-A unit stands in square brackets behind the name, in round ones if it is no single letter or digit or has
-blanks about it, or behind a slash or "in" where the clock's heading is written so.  It is one only where it
-is a unit that is known; else, where two columns would get one name, and for numbers in brackets of several
+A unit stands in square brackets behind the name, in round ones, or behind a slash or "in" where the clock's
+heading is written so.  A single letter in round brackets is one if it has blanks about it, or the clock's
+unit stands in such brackets after a blank too.  All of that only where it is a unit that is known; else, where two columns would get one name, and for numbers in brackets of several
 columns, what stands there is part of the name.
 """
 
@@ -16,7 +16,7 @@ from specs.signals import signals
 
 LONGEST = 1000  # characters of a heading in which a unit is looked for
 SQUARE = re.compile(r"^(?P<name>.*?\S)(?P<blank>\s*)\[(?P<unit>[^\[\]]*)\]$")
-ROUND = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^()]*)\)$")
+ROUND = re.compile(r"^(?P<name>.*?\S)(?P<blank>\s*)\((?P<unit>[^()]*)\)$")
 SLASH = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>.+)$")
 IN = re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>\S+)$")
 RUN = re.compile(r"^Run\s*#?\s*(\d+)\s*:\s*(.+)$|^(.*\S)\s+Run\s*#?\s*(\d+)$", re.IGNORECASE)
@@ -27,13 +27,27 @@ def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
     if ours:
         return [_square(cell, True) or Heading(cell) for cell in cells]
     style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
-    found = _of_runs([_run(cell) for cell in cells], style) or [_heading(cell, style) for cell in cells]
+    letters = _with_letters(cells)
+    found = _of_runs([_run(cell) for cell in cells], style)
+    found = found or [_heading(cell, style, cell in letters) for cell in cells]
     indexed = Counter(m["name"] for c in cells if (m := _match(SQUARE, c)) and m["unit"].isdigit())
     found = [Heading(c) if indexed[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
     names = Counter(h.name for h in found)
     return [
         Heading(c) if names[h.name] > 1 and not _is_clock(h) else h for h, c in zip(found, cells, strict=True)
     ]
+
+
+def _with_letters(cells: Sequence[str]) -> set[str]:
+    """Headings that end with a letter in round brackets as the clock's does: `time (s)`, `voltage (V)`.
+
+    Not of several columns that differ in the letter alone: `current (A)`, `current (B)`.
+    """
+    found = {c: m for c in cells if (m := _match(ROUND, c)) and m["blank"]}
+    names = Counter(m["name"] for m in found.values())
+    if not any(clock_name(m["name"]) and of_time(m["unit"].strip()) for m in found.values()):
+        return set()
+    return {c for c, m in found.items() if names[m["name"]] == 1 and m["unit"].strip().isalpha()}
 
 
 def _run(cell: str) -> tuple[str, str]:

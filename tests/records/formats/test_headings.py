@@ -1,9 +1,10 @@
 """Headings over several lines, lines of units, and units in other signs."""
 
+import numpy as np
 import pytest
 
 from records.formats import read_measurement
-from records.formats.units import is_unit, of_time, spelled
+from records.formats.units import converted, is_unit, of_time, spelled
 from specs.errors import InputError
 
 
@@ -39,6 +40,27 @@ def test_an_open_quote_in_the_header_takes_in_no_rows(read, text):
 def test_a_letter_in_round_brackets_is_a_unit_where_blanks_are_about_it(read, heading, name, unit):
     found = read(f"time [s],{heading}\n0,1\n1,2\n2,3\n")
     assert {n: c.unit for n, c in found.channels.items()} == {name: unit}
+
+
+@pytest.mark.parametrize(
+    ("heading", "found"),
+    [
+        ("time (s),voltage (V),way (m),speed (m/s)", {"voltage": "V", "way": "m", "speed": "m/s"}),
+        ("t (ms),cell (g),no (x)", {"cell": "g", "no (x)": ""}),
+        ("time (s),current (A),current (B)", {"current (A)": "", "current (B)": ""}),
+        ("time (s),p(A),x(t)", {"p(A)": "", "x(t)": ""}),
+        ("time(s),voltage (V)", {"voltage (V)": ""}),
+    ],
+)
+def test_a_letter_in_round_brackets_is_a_unit_where_the_clock_s_stands_so(read, heading, found):
+    rows = "".join(f"{k}{',1' * len(found)}\n" for k in range(3))
+    got = read(f"{heading}\n{rows}")
+    assert {n: c.unit for n, c in got.channels.items()} == found
+
+
+@pytest.mark.parametrize(("wanted", "factor"), [("kg", 1e-3), ("m/s2", 9.80665)])
+def test_g_is_a_gram_of_a_mass_and_gravity_of_an_acceleration(wanted, factor):
+    assert converted(np.array([2.0]), "g", wanted, "x")[0] == pytest.approx(2.0 * factor)
 
 
 @pytest.mark.parametrize("label", ["Unit", "Units:", "Einheit", "[Unidad]"])
