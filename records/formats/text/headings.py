@@ -2,8 +2,9 @@
 
 A unit stands in square brackets behind the name, in round ones, or behind a slash or "in" where the clock's
 heading is written so.  A single letter in round brackets is one if it has blanks about it, or the clock's
-unit stands in such brackets after a blank too.  All of that only where it is a unit that is known; else, where two columns would get one name, and for numbers in brackets of several
-columns, what stands there is part of the name.
+unit stands in such brackets after a blank too.  All of that holds of known units only; else, where two
+columns would get one name, and for numbers in brackets of several columns, what stands there is part of the
+name.
 """
 
 import re
