@@ -267,9 +267,9 @@ _RECIPES = (
     Recipe(
         "single_ppo", "ours: goes on from `single.onnx` by PPO, on machines like the project's",
         method="ppo", prior="gentle", start="single.onnx", weights=_OURS, **_EXACTLY, spatial=True,
-        random=_LIKE_OURS, episode_s=15.0, consecutive=0.5, asymmetric=True, mirrored=True, critic_first=0.15,
-        envs=512, iterations=200, rate=1e-4, steps=48, discount=0.99, deviation=0.05, deviation_least=0.02,
-        ending=-8.0,
+        random=_LIKE_OURS, episode_s=15.0, consecutive=0.5, asymmetric=True, mirrored=True, critic_first=0.2,
+        envs=1024, iterations=90, rate=5e-5, schedule="fixed", steps=48, epochs=2, batches=2, discount=0.99,
+        trace=0.9, deviation=0.03, deviation_least=0.02, ending=-8.0,
     ),
     Recipe(
         "family", "ours, on a family of drives: goes on from `single.onnx`, the joystick's change limited",

@@ -84,7 +84,7 @@ def policy(
         typer.Option(
             metavar="NAME",
             help="full, slew, family, robust, slew_robust, path, path_field; PPO: ppo, ppo_slew, "
-            "path_field_ppo, paper, paper_slew. Else the task's.",
+            "path_field_ppo, single_ppo, paper, paper_slew. Else the task's.",
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of weights, machines and noise.")] = 1,
