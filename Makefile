@@ -36,8 +36,9 @@ verify: $(VENV)/.verify-ready
 test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile --durations 20 $(ARGS)
 
+# Files in their own order: else those of one test come last, the longest among them.
 long: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "long and not soak" --durations 20 --timeout 1200 $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "long and not soak" --durations 20 --timeout 1200 $(ARGS)
 
 soak: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m soak --timeout 0 $(ARGS)
