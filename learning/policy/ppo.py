@@ -143,7 +143,7 @@ class PpoTrainer(Trainer):
         self.algorithm.learning_rate = state["rate"]
 
 
-def both_ways(env: PpoTrainer, obs: Any, actions: Tensor | None) -> tuple[Any, Tensor | None]:
+def with_images(env: PpoTrainer, obs: Any, actions: Tensor | None) -> tuple[Any, Tensor | None]:
     """Observations [n] and actions [n, k] with their mirror images behind them, for rsl-rl-lib's symmetry."""
     from tensordict import TensorDict
 
@@ -165,7 +165,7 @@ def _settings(r: Recipe) -> dict[str, Any]:
     deviation = {
         "class_name": "GaussianDistribution", "init_std": r.deviation, "std_range": (r.deviation_least, 1e6),
     }  # fmt: skip
-    mirror = {"data_augmentation_func": both_ways, "use_data_augmentation": True}
+    mirror = {"data_augmentation_func": with_images, "use_data_augmentation": True}
     return {
         "num_steps_per_env": r.steps,
         "obs_groups": {"actor": ["policy"], "critic": ["policy", *(["hidden"] if r.asymmetric else [])]},

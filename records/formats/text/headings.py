@@ -48,7 +48,9 @@ def _with_letters(cells: Sequence[str]) -> set[str]:
     names = Counter(m["name"] for m in found.values())
     if not any(clock_name(m["name"]) and of_time(m["unit"].strip()) for m in found.values()):
         return set()
-    return {c for c, m in found.items() if names[m["name"]] == 1 and m["unit"].strip().isalpha()}
+    return {
+        c for c, m in found.items() if names[m["name"]] == 1 and len(m["unit"]) == 1 and m["unit"].isalpha()
+    }
 
 
 def _run(cell: str) -> tuple[str, str]:

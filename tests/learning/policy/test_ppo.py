@@ -8,7 +8,7 @@ import torch
 from fmus.models.slew_nn.untrained import untrained
 from learning.policy.features import mirrored
 from learning.policy.network import weights_of
-from learning.policy.ppo import PpoTrainer, both_ways
+from learning.policy.ppo import PpoTrainer, with_images
 from learning.policy.recipe import recipe
 from learning.policy.simulation.situation import Situation, hidden, hidden_mirrored
 
@@ -37,7 +37,7 @@ def test_hidden_quantities_in_the_mirror_are_those_of_the_machine_in_the_mirror(
 def test_mirror_images_stand_behind_what_was_seen_and_done() -> None:
     made = trainer()
     seen, done = made.get_observations(), torch.randn(8, 3)
-    both, acts = both_ways(made, seen, done)
+    both, acts = with_images(made, seen, done)
     assert acts is not None
     assert both.batch_size == torch.Size([16])
     assert acts.shape == (16, 3)
@@ -45,7 +45,7 @@ def test_mirror_images_stand_behind_what_was_seen_and_done() -> None:
         assert torch.equal(both[name][:8], seen[name])
         assert not torch.equal(both[name][8:], seen[name])
     assert torch.equal(acts[8:], done * torch.tensor([-1.0, 1.0, 1.0]))
-    again, back = both_ways(made, both[8:], acts[8:])
+    again, back = with_images(made, both[8:], acts[8:])
     assert back is not None
     assert torch.equal(again["policy"][8:], seen["policy"])
     assert torch.equal(again["hidden"][8:], seen["hidden"])

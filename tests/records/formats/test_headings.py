@@ -49,6 +49,7 @@ def test_a_letter_in_round_brackets_is_a_unit_where_blanks_are_about_it(read, he
         ("t (ms),cell (g),no (x)", {"cell": "g", "no (x)": ""}),
         ("time (s),current (A),current (B)", {"current (A)": "", "current (B)": ""}),
         ("time (s),p(A),x(t)", {"p(A)": "", "x(t)": ""}),
+        ("time (s),p (min)", {"p (min)": ""}),
         ("time(s),voltage (V)", {"voltage (V)": ""}),
     ],
 )
