@@ -185,7 +185,10 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
         lambda g: g.columns_are(UNITS | {"position": ""}, position=1e3 * COLUMNS["position"]),
         ["column position states no unit", "Is it in mm?", "'position [mm]'"],
     ),
-    "time in ms": (lambda g: g.columns_are(time=1e3 * TIME), ["times the slope of column position", "--map", "'time' = 'time [ms]' if it is the times"]),
+    "time in ms": (
+        lambda g: g.columns_are(time=1e3 * TIME),
+        ["times the slope of column position", "--map", "'time' = 'time [ms]' if it is the times"],
+    ),
     "time not increasing": (_swapped, ["clock jumps back by", "line 202"]),
     "clocks apart": (_late_input, ["force ends at 11.98 s, position begins at 1000 s", "clocks"]),
     # names
