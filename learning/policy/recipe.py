@@ -216,11 +216,11 @@ _DRIVES: dict[str, Any] = {  # as far as slew drives differ
     "gain": (0.75, 1.33), "inertia_scale": (0.7, 1.4), "slew_delay": (0.0, 0.25), "edge": (-0.2, 0.5),
     "rate_filter": (0.0, 0.4),
 }  # fmt: skip
-_EXACTLY: dict[str, Any] = {
+_NARROW: dict[str, Any] = {
     "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06), "curriculum": 0.0,
 }  # fmt: skip
 _FAMILY: dict[str, Any] = {
-    "family": True, **_EXACTLY, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0,
+    "family": True, **_NARROW, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0,
     "consecutive": 0.5, "envs": 192,
     "random": Randomisation(
         oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), **_DRIVES
@@ -266,7 +266,7 @@ _RECIPES = (
     ),
     Recipe(
         "single_ppo", "ours: goes on from `single.onnx` by PPO, on machines like the project's",
-        method="ppo", prior="gentle", start="single.onnx", weights=_OURS, **_EXACTLY, spatial=True,
+        method="ppo", prior="gentle", start="single.onnx", weights=_OURS, **_NARROW, spatial=True,
         random=_LIKE_OURS, episode_s=15.0, consecutive=0.5, asymmetric=True, mirrored=True, critic_first=0.2,
         envs=1024, iterations=90, rate=5e-5, schedule="fixed", steps=48, epochs=2, batches=2, discount=0.99,
         trace=0.9, deviation=0.03, deviation_least=0.02, ending=-8.0,
