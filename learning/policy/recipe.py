@@ -216,22 +216,20 @@ _DRIVES: dict[str, Any] = {  # as far as slew drives differ
     "gain": (0.75, 1.33), "inertia_scale": (0.7, 1.4), "slew_delay": (0.0, 0.25), "edge": (-0.2, 0.5),
     "rate_filter": (0.0, 0.4),
 }  # fmt: skip
+_LIKE_OURS = Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2))
 _NARROW: dict[str, Any] = {
     "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06), "curriculum": 0.0,
 }  # fmt: skip
 _FAMILY: dict[str, Any] = {
     "family": True, **_NARROW, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0,
     "consecutive": 0.5, "envs": 192,
-    "random": Randomisation(
-        oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), **_DRIVES
-    ),
+    "random": replace(_LIKE_OURS, **_DRIVES),
 }  # fmt: skip
 _EXACT: dict[str, Any] = {"first": Shape(0.5, 0.5), "last": Shape(0.5, 0.5)}  # beside a way
 _SEEING: dict[str, Any] = {  # the way now, before, at and after the target that is told, and things
     "lead_s": 1.2, "waypoints_s": (0.0, 0.4, 0.8, 2.0, 3.0), "field_m": 3.0,
 }  # fmt: skip
 _ALWAYS_FRESH: dict[str, Any] = {"envs": 256, "consecutive": 0.0, "swinging": 0.5}  # PPO: ways cost time
-_LIKE_OURS = Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2))
 _SCRATCH: dict[str, Any] = {  # ours, PPO
     "method": "ppo", "deviation_least": 0.05, "asymmetric": True, "spatial": True, "episode_s": 15.0,
     "consecutive": 0.5, "first": Shape(8.0, 4.0, 0.3, 0.4), "last": Shape(1.0, 0.5, 0.1, 0.06),

@@ -71,7 +71,7 @@ class ByItself:
         # half is enough where otherwise nothing would be said to be left
         may = () if self._left else likely
         keys = self._telling(sure, may)
-        if keys and self._begun_at(keys[0]):
+        if keys and self._refitted_from(keys[0]):
             keys = self._telling(sure, may)
         if keys and _parameters(keys[0]) > 1:
             self.points |= dict(self._pairs())
@@ -140,19 +140,19 @@ class ByItself:
         for key in singles[:FIRST]:
             yield from self._fitted(self.points[key], SECOND, lambda a: len(a.effect.parameters) == 1)
 
-    def _begun_at(self, key: Key) -> bool:
-        """Whether the model without effects errs less when its fit begins where that with them ended.
+    def _refitted_from(self, key: Key) -> bool:
+        """Fit the model without effects again, from where the fit with these ended; whether it errs less.
 
-        Then the effects had no part in what they took away, and it stays so.
+        Then the effects had no part in what they took away, and the new fit stays.
         """
         without = effects(self.core.fresh, tuple(key))
         again = fit(self.core, [self.points[key].values | without], self.given.present)
-        if again is None or self.plain is None or self._error(again) >= (1.0 - LESS) * self._without:
+        if again is None or (error := self._error(again)) >= (1.0 - LESS) * self._without:
             return False
-        self.plain = again
+        self.plain, self._without = again, error
         return True
 
-    @property
+    @cached_property
     def _without(self) -> float:
         return self._error(self.plain) if self.plain else 0.0
 

@@ -127,7 +127,7 @@ def test_what_the_model_reaches_without_an_effect_is_not_the_effects(monkeypatch
     assert found.plain is not None
     assert found.plain.values["mass"] == pytest.approx(2.3, rel=0.02)
     assert not found.said
-    monkeypatch.setattr(ByItself, "_begun_at", lambda self, key: False)
+    monkeypatch.setattr(ByItself, "_refitted_from", lambda self, key: False)
     assert ByItself(given).answer is not given
 
 

@@ -455,9 +455,8 @@ def test_nobody_takes_over_the_session_of_another(served: Beside, papers: dict[s
 
     async def look() -> None:
         async with connected(served, papers, "planner"):
-            for first in range(
-                1000, 1100, 10
-            ):  # the server ends a connection without a session after a while
+            # ten at a time: the server ends a connection without a session after a while
+            for first in range(1000, 1100, 10):
                 client = asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")
                 await client.connect_socket()
                 await client.send_hello()
