@@ -15,10 +15,11 @@ from reconcile.closed.search import ClosedAnswer, ClosedSearch
 from reconcile.equations.model import Attached
 from reconcile.filter.point import Z95
 from reconcile.judging import quantization, unidentifiable as open_unidentifiable
+from reconcile.judging.verdict import unmoved
 from reconcile.recordings.data import Run, split
 from reconcile.reporting.findings import STAGES
 from reconcile.reporting.report import MOST_CONSIDERED, stretches
-from reconcile.tolerances import MOVED, SEEN
+from reconcile.tolerances import MOVED
 from records.scores import overall
 
 AT_FLOOR = 1.25  # rms error of the answer, in units of the floor
@@ -107,12 +108,7 @@ def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, 
 def _unmoved(problem: ClosedProblem) -> list[str]:
     """Inputs that are constant, and outputs that hardly move where none of them does."""
     found = [f"input {n} is constant; drive it" for n in problem.still_inputs]
-    still = [
-        f"output {n} moves by less than {SEEN:g} times its noise"
-        for n, level in problem.sigma.items()
-        if max(float(np.std(r.outputs[n].values)) for r in problem.runs) < SEEN * level
-    ]
-    return found + (still if len(still) == len(problem.sigma) else [])
+    return found + unmoved(problem.runs, problem.sigma)
 
 
 def _moved(problem: ClosedProblem, fitted: ClosedFit) -> dict[str, dict]:

@@ -1,6 +1,6 @@
 """What an answer amounts to: named, ambiguous, agrees, reestimated, too little excitation or unexplained."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from reconcile.judging.answer import Answer
 from reconcile.judging.combined import combined
 from reconcile.judging.judge import curves
 from reconcile.judging.refused import Refused
+from reconcile.recordings.data import Run
 from reconcile.search.core import Core
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
@@ -47,14 +48,21 @@ def moved_parameters(answer: Answer) -> dict[str, dict[str, Any]]:
     return found
 
 
-def still_outputs(core: Core) -> list[str]:
-    """Outputs that do not move, said; none where one of them does: that one tells of the model."""
+def unmoved(runs: Sequence[Run], noise: Mapping[str, float]) -> list[str]:
+    """Outputs that do not move, said; none where one of them does: that one tells of the model.
+
+    `noise`: its level by output.
+    """
     found = []
-    for name in core.outputs:
-        values = [b.run.outputs[name].values for b in core.parts.fit]
-        if max(float(np.std(v)) for v in values) < SEEN * core.floors[name].level:
+    for name, level in noise.items():
+        if max(float(np.std(r.outputs[name].values)) for r in runs) < SEEN * level:
             found.append(f"output {name} moves by less than {SEEN:g} times its noise")
-    return found if len(found) == len(core.outputs) else []
+    return found if len(found) == len(noise) else []
+
+
+def still_outputs(core: Core) -> list[str]:
+    """Outputs that do not move in what is fitted, said."""
+    return unmoved([b.run for b in core.parts.fit], {n: core.floors[n].level for n in core.outputs})
 
 
 def still_inputs(core: Core) -> list[str]:
