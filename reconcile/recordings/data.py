@@ -109,7 +109,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
     channels = {n: measured[n] for n in (*inputs, *outputs)}
     _check_numbers(channels, where)
-    said = far.left_out(channels, inputs, outputs)  # in the file's units: -999 is said as such
+    said = [*_counted(channels, outputs), *far.left_out(channels, inputs, outputs)]  # in the file's units
     channels = {n: _in_unit(c, units[n], where) for n, c in channels.items()}
     said += [*_within_range(channels, outputs), *_continuous(channels, outputs)]
     sizes.check(measured, channels, folder, where)
@@ -165,6 +165,17 @@ def _within_range(channels: dict[str, Channel], outputs: Sequence[str]) -> list[
                 f"{n} stands still at {at} {channel.unit}, its sensor's end: {out.sum()} samples left out"
             )
             channels[n] = replace(channel, time=channel.time[~out], values=channel.values[~out])
+    return said
+
+
+def _counted(channels: dict[str, Channel], outputs: Sequence[str]) -> list[str]:
+    """Make counters that overflow continuous, in place; what there is to say of it."""
+    said = []
+    for n in outputs:
+        values, bits = turns.counted(channels[n].values.astype(float))
+        if bits:
+            channels[n] = replace(channels[n], values=values)
+            said.append(f"{n} jumps where its counter of {bits} bits overflows: made continuous")
     return said
 
 

@@ -1,4 +1,4 @@
-"""A sensor that begins again after a turn: its angle is made continuous, and nothing else is touched."""
+"""Angles that begin again after a turn and counters that overflow are made continuous, nothing else is touched."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reconcile.recordings.data import runs_of
-from reconcile.recordings.turns import TURNS, continuous
+from reconcile.recordings.turns import TURNS, continuous, counted
 from records.measurement import Channel, Measurement
 from tests.reconcile import models
 
@@ -48,3 +48,42 @@ def test_a_recording_in_degrees_is_read_as_a_continuous_angle_and_it_is_said():
     (run,) = runs_of(Measurement({"angle": channel}, source="wheel.csv"), models.pendulum(), "wheel")
     assert np.ptp(run.outputs["angle"].values - ANGLE) < 1e-9
     assert run.notes == ("angle jumps by a turn where its sensor begins again: made continuous",)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+@pytest.mark.parametrize("factor", [1.0, 4.0, 0.0125])
+def test_a_counter_that_overflows_is_found_again(bits, factor):
+    counts = np.round(2.0**bits * ANGLE / 6.0)
+    signed = wrapped(counts, 2.0**bits, -(2.0 ** (bits - 1)))
+    found, width = counted(factor * signed)
+    assert width == bits
+    assert np.ptp(found - factor * counts) < 1e-6
+
+
+def test_a_peak_beyond_the_range_is_found_again():
+    rate = np.round(36000.0 * np.sin(0.7 * TIME))
+    assert np.array_equal(counted(wrapped(rate, 65536.0, -32768.0))[0], rate)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        250.0 * (np.sin(TIME) > 0.0),  # two levels, as a command's
+        250.0 * (np.sin(TIME) > 0.0) + np.random.default_rng(1).integers(0, 5, len(TIME)),
+        np.round(30000.0 * np.sin(TIME)),
+        ANGLE,
+        np.full(50, 255.0),
+        np.empty(0),
+    ],
+)
+def test_what_is_no_overflow_stays_as_it_is(values):
+    found, bits = counted(values)
+    assert bits == 0
+    assert np.array_equal(found, values)
+
+
+def test_an_overflow_is_said():
+    channel = Channel("angle", "mrad", TIME, wrapped(np.round(1000.0 * ANGLE), 4096.0, -2048.0))
+    (run,) = runs_of(Measurement({"angle": channel}, source="wheel.csv"), models.pendulum(), "wheel")
+    assert np.ptp(run.outputs["angle"].values - ANGLE) < 2e-3
+    assert run.notes == ("angle jumps where its counter of 12 bits overflows: made continuous",)
