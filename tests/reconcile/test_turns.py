@@ -1,4 +1,4 @@
-"""Angles that begin again after a turn and counters that overflow are made continuous, nothing else is touched."""
+"""Angles that begin again after a turn and counters that overflow are made continuous, and nothing else."""
 
 import math
 
