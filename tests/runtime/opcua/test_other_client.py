@@ -23,7 +23,7 @@ pytestmark = [
 
 
 def test_open62541_reads_every_signal_and_commands_with_a_certificate(tmp_path: Path):
-    from tests.runtime.opcua.test_server import Both
+    from tests.runtime.opcua.clients import Both
 
     authority = Authority(tmp_path)
     server = authority.give("server", uri="urn:slewright:runtime")

@@ -7,112 +7,22 @@ import asyncio
 import math
 import time
 from collections.abc import Awaitable, Callable
-from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from runtime.image import INPUT, OUTPUT, Status
-from runtime.interfaces import seats
-from runtime.interfaces.port import Asked, SeatsPort
-from runtime.interfaces.publish import create
 from runtime.modbus.holding import LAPSE_NS
 from runtime.opcua.space import QUALITY
-from runtime.shared import Cell
 from specs.opcua import NAMESPACE, is_whole, node, unit_id
-from tests.runtime.bundles import core
 from tests.runtime.interfaces.beside import Beside, drawn, statuses, value
-from tests.runtime.modbus.certificates import Authority, utf8
+from tests.runtime.opcua.clients import connected, until
 
 asyncua = pytest.importorskip("asyncua")
 ua: Any = asyncua.ua
 pytestmark = pytest.mark.slow
 SIGNALS = (*INPUT.signals, *OUTPUT.signals)
-
-
-class Both:
-    """The control process's ports: seats and images."""
-
-    def __init__(self, folder: Path) -> None:
-        from runtime.interfaces.publish import ImagePort
-
-        seats.create(folder, ("opcua",))
-        granted = seats.join_granted(folder)
-        assert granted
-        self.granted: Cell = granted
-        self.seats = SeatsPort([Asked(1, seats.join(folder, "opcua"))], granted, core("pd").library)
-        self.images = ImagePort(create(folder))
-
-    def receive(self, inputs: np.ndarray, tick: int) -> None:
-        places = [INPUT.at(s.name) for s in seats.HOLDING]
-        inputs["status"][places], inputs["age"][places] = Status.NEVER, -1  # no planner over CAN
-        self.seats.receive(inputs, tick)
-        self.images.receive(inputs, tick)
-
-    def send(self, outputs: np.ndarray, tick: int) -> None:
-        self.seats.send(outputs, tick)
-        self.images.send(outputs, tick)
-
-
-@pytest.fixture(scope="module")
-def papers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The server's certificate, planners' and others'."""
-    authority = Authority(tmp_path_factory.mktemp("papers"))
-    stranger = Authority(tmp_path_factory.mktemp("stranger"), "stranger")
-    uri = "urn:test:client"
-    return {
-        "server": authority.give("server", uri="urn:slewright:runtime"),
-        "planner": authority.give("planner", utf8("Planner"), uri=uri),
-        "second": authority.give("second", utf8("Planner"), uri=uri),
-        "operator": authority.give("operator", utf8("Operator"), uri=uri),
-        "viewer": authority.give("viewer", utf8("Viewer"), uri=uri),
-        "stranger": stranger.give("planner-of-another", utf8("Planner"), uri=uri),
-        "authority": authority.path,
-    }
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory, papers: dict[str, Any]):
-    tmp_path = tmp_path_factory.mktemp("run")
-    files = dict(zip(("certificate", "key"), map(str, papers["server"]), strict=True))
-    security = {**files, "authority": str(papers["authority"])}
-    told = {"host": "127.0.0.1", "port": 0, "closed": False, "security": security}
-    with Beside("opcua", tmp_path, Both(tmp_path), **told) as found:
-        yield found
-
-
-@asynccontextmanager
-async def connected(served: Beside, papers: dict[str, Any], who: str = ""):
-    """A client, with the certificate of `who` or none; the machine ticks meanwhile."""
-    client = asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")
-    client.application_uri = "urn:test:client"
-    if who:
-        certificate, key = papers[who]
-        pem = key.with_suffix(".key.pem")  # asyncua goes by the ending
-        pem.write_bytes(key.read_bytes())
-        await client.set_security_string(f"Basic256Sha256,SignAndEncrypt,{certificate},{pem}")
-    beating = asyncio.ensure_future(ticking(served))
-    try:
-        async with client:
-            yield client, await client.get_namespace_index(NAMESPACE)
-    finally:
-        beating.cancel()
-
-
-async def ticking(served: Beside) -> None:
-    while True:
-        served.publish()
-        await asyncio.sleep(0.02)
-
-
-async def until(true: Callable[[], Awaitable[Any]]) -> Any:
-    end = time.monotonic() + 60
-    while not (found := await true()):
-        assert time.monotonic() < end
-        await asyncio.sleep(0.05)
-    return found
 
 
 def target(served: Beside, name: str) -> tuple[float, int]:
@@ -417,164 +327,6 @@ def test_alarms_come_and_go_as_events_and_the_loss_of_the_control_process_shows(
             await until(gone)
 
     asyncio.run(lost())
-
-
-@pytest.mark.parametrize(
-    "data", [b"HELF" + bytes(60), bytes(range(256)) * 20, b"HELF\xff\xff\xff\x7f" + bytes(200)]
-)
-def test_nonsense_ends_its_own_connection_only(served: Beside, papers: dict[str, Any], data: bytes):
-    import socket
-
-    with socket.create_connection(("127.0.0.1", int(served.ready))) as raw:
-        raw.sendall(data)
-        time.sleep(0.2)
-
-    async def look() -> None:
-        async with connected(served, papers) as (client, index):
-            assert await client.get_node(f"ns={index};s=Status.control_mode").read_browse_name()
-
-    asyncio.run(look())
-
-
-async def accepted(client: Any, token: int) -> bool:
-    """Whether a connection of its own can take part in the session of this token."""
-    request = ua.ActivateSessionRequest()
-    request.Parameters.UserIdentityToken = ua.UserNameIdentityToken(UserName="x", Password=b"x")
-    client.uaclient.protocol.authentication_token = ua.NodeId(token)
-    with suppress(ua.UaStatusCodeError):
-        await client.uaclient.protocol.send_request(request)
-    try:
-        await client.get_node(ua.NodeId(ua.ObjectIds.Server_ServerStatus_State)).read_value()
-    except ua.UaStatusCodeError:
-        return False
-    return True
-
-
-def test_nobody_takes_over_the_session_of_another(served: Beside, papers: dict[str, Any]):
-    """asyncua numbers sessions, and an unfinished take-over had left the planner's to whoever tried."""
-
-    async def look() -> None:
-        async with connected(served, papers, "planner"):
-            # ten at a time: the server ends a connection without a session after a while
-            for first in range(1000, 1100, 10):
-                client = asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")
-                await client.connect_socket()
-                await client.send_hello()
-                await client.open_secure_channel()
-                try:
-                    assert not [t for t in range(first, first + 10) if await accepted(client, t)]
-                finally:
-                    client.disconnect_socket()
-
-    asyncio.run(look())
-
-
-def test_nobody_touches_the_subscription_of_another(served: Beside, papers: dict[str, Any]):
-    class Heard:
-        def datachange_notification(self, node: Any, given: Any, data: Any) -> None:
-            pass
-
-    async def look() -> None:
-        async with (
-            connected(served, papers, "operator") as (operator, _),
-            connected(served, papers) as (other, _),
-        ):
-            mine = await operator.create_subscription(100, Heard())
-            number = mine.subscription_id
-            protocol = other.uaclient
-            with pytest.raises(ua.UaStatusCodeError, match="BadSubscriptionIdInvalid"):
-                await protocol.delete_subscriptions([number])
-            with pytest.raises(ua.UaStatusCodeError, match="BadServiceUnsupported"):
-                await protocol.transfer_subscriptions(ua.TransferSubscriptionsParameters([number], True))
-            for _ in range(16):
-                await other.create_subscription(100, Heard())
-            with pytest.raises(ua.UaStatusCodeError, match="BadTooManySubscriptions"):
-                await other.create_subscription(100, Heard())
-            await mine.subscribe_data_change(operator.get_node(ua.ObjectIds.Server_ServerStatus_CurrentTime))
-            await mine.delete()
-
-    asyncio.run(look())
-
-
-def test_clients_without_a_role_leave_places_and_cut_ones_give_them_back(
-    served: Beside, papers: dict[str, Any]
-):
-    class Heard:
-        def datachange_notification(self, node: Any, given: Any, data: Any) -> None:
-            pass
-
-    async def entered(client: Any) -> bool:
-        try:
-            await client.connect()
-        except ua.UaStatusCodeError:
-            return False
-        return True
-
-    async def look() -> None:
-        client = lambda: asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")  # noqa: E731
-        clients = [client() for _ in range(25)]
-        found = [await entered(c) for c in clients]
-        assert found == [True] * 24 + [False]
-        async with connected(served, papers, "planner"):
-            pass
-        for c in clients[:24]:
-            await c.create_subscription(500, Heard())  # such a session would outlive its connection
-            c.uaclient.protocol.transport.abort()
-        end, late = time.monotonic() + 20, client()  # sooner than they would end by themselves
-        while not await entered(late):
-            assert time.monotonic() < end
-            await asyncio.sleep(0.2)
-            late = client()
-        await late.disconnect()
-
-    asyncio.run(look())
-    assert "all 24 sessions for its kind are in use" in told(served)
-
-
-def test_who_takes_no_answers_is_ended(served: Beside, papers: dict[str, Any]):
-    """What waits for a client must not fill the memory."""
-
-    async def look() -> None:
-        async with connected(served, papers) as (client, _):
-            protocol, request = client.uaclient.protocol, ua.ReadRequest()
-            large = ua.NodeId(ua.ObjectIds.OpcUa_XmlSchema)
-            request.Parameters.NodesToRead = [ua.ReadValueId(NodeId=large, AttributeId=ua.AttributeIds.Value)]
-            protocol.transport.pause_reading()
-            said, end = "", time.monotonic() + 60
-            while "does not take its answers" not in said:
-                assert time.monotonic() < end
-                protocol._send_request(request)
-                await asyncio.sleep(0.05)
-                said = told(served)
-
-    with suppress(ConnectionError, TimeoutError):  # as the client takes leave
-        asyncio.run(look())
-    assert "its client does not take its answers" in told(served)
-
-
-def told(served: Beside) -> str:
-    """What the interface has told, in lines."""
-    from runtime.interfaces.told import Listener
-
-    return "\n".join(event["what"] for event in Listener(served.folder, "opcua").new())
-
-
-def test_who_is_refused_is_told(served: Beside, papers: dict[str, Any]):
-    """A write by nobody in particular; a certificate without its key."""
-
-    async def look() -> None:
-        async with connected(served, papers) as (client, index):
-            with pytest.raises(ua.UaStatusCodeError):
-                await client.get_node(f"ns={index};s=Commands.u_slew").write_value(1.0)
-        false = {**papers, "thief": (papers["planner"][0], papers["viewer"][1])}
-        with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
-            async with connected(served, false, "thief"):
-                pass
-
-    asyncio.run(look())
-    said = told(served)
-    assert "was refused to write ns=2;s=Commands.u_slew" in said
-    assert "a client was refused: it does not have the key of its certificate" in said
 
 
 def test_a_client_that_comes_later_asks_for_the_alarms_that_last(served: Beside, papers: dict[str, Any]):
