@@ -89,6 +89,7 @@ class Measurement:
     source: str = ""
     repairs: tuple[str, ...] = ()
     reading: tuple[str, ...] = ()  # how a file without a form of its own was read: marks, header, clock
+    clock_unit: str = "s"  # in which the file has its times; s where these are dates, or state none
 
     def __getitem__(self, name: str) -> Channel:
         if name not in self.channels:

@@ -32,10 +32,11 @@ def windows(core: Core, which: Sequence[str]) -> list[tuple[np.ndarray, np.ndarr
 def _windows(core: Core, which: Sequence[str], early: bool = False) -> list[tuple[np.ndarray, np.ndarray]]:
     """See windows; `early`: whether what comes before hidden states are known counts as well."""
     reach, found, number = horizon_s(core) - 0.5 * core.period, [], 0  # half a sample: for rounding
+    first_s = min(reach, (LEAST - 0.5) * core.period) if core.shows_all else reach
     for record in core.records:
         inside = np.any([getattr(record, w) for w in which], axis=0)
         index = partial(np.searchsorted, record.time)
-        known = index(record.time[0] + reach)  # hidden states are known by then
+        known = index(record.time[0] + first_s)  # hidden states are known by then
         # the first sample that no stretch has; 0 is the start
         ids, free = np.zeros(len(record.time), int), 1 if early else known
         for first, end in _blocks(inside):

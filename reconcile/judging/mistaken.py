@@ -6,6 +6,7 @@ An effect may make up for a wrong sign, with nonsense for its size: the sign is 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,9 @@ from reconcile.tolerances import HALVED, LOST, MOVED, SHORTENED, WORTH, WRONG
 from specs.errors import InputError
 
 FAR = 10.0  # times a parameter, or a tenth of it: no value that somebody was unsure of
+TOLERATED = 5.0  # tolerances that a parameter may be off
 NOTHING = 5e-4  # error beside the sensors' noise, that reads as 0.0 %
+STRAINED = 20.0  # nats of parameters beside model.py, which states them wrongly then, or the recording is
 STEPS = 15  # of a fit: one that is right gets there soon
 
 
@@ -45,11 +48,11 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
 
     `names`: the map, {their column: ours}.
     """
-    errs, beside = _by_itself(core)[0], beyond_sensors(core, core.base)
+    (errs, nats), beside = _by_itself(core), beyond_sensors(core, core.base)
     if not np.isfinite(errs):
         errs = beside
     if errs < WRONG:
-        return ""
+        return _strained(core, names or {}) if nats > STRAINED else ""
     tried = [(*_by_itself(_read(core, reading)), reading) for reading in turned(core)]
     least = min((error for error, _, _ in tried), default=np.inf)
     alike = [row for row in tried if row[0] <= (1.0 + SHORTENED) * least]
@@ -62,6 +65,19 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     if explained:
         error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
     return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""
+
+
+def _strained(core: Core, names: Mapping[str, str]) -> str:
+    """What to ask where parameters far from what model.py states make the model fit; "" without.
+
+    By another reading they are as stated, and it errs as little.
+    """
+    tried = [row for row in _explained(core, WRONG) if row[1] < _stated(core)]
+    if not tried:
+        return ""
+    error, _, found = min(tried, key=lambda row: row[1])
+    gains = f"parameters are as model.py states them, and the model errs by {_left(error)}"
+    return asked(found, core, gains, names)
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -107,14 +123,20 @@ def turned_parameters(answer: Answer) -> str:
 
 
 def far_parameters(answer: Answer) -> str:
-    """A sentence on base parameters that come out ten times off what model.py says; "" without."""
+    """A sentence on base parameters ten times off what model.py says, or far beyond their tolerance."""
     errors, point, found = standard_errors(answer.point), answer.point, []
-    for v in answer.core.model.parameters:
-        ratio = abs(point.values[v.name] / v.start) if v.start and v.name in errors else 1.0
-        sure = MOVED * errors.get(v.name, 0.0) < abs(point.values[v.name] - v.start)
-        if sure and ratio and max(ratio, 1.0 / ratio) > FAR:
-            found.append(f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}")
+    for v in (v for v in answer.core.model.parameters if v.start and v.name in errors):
+        ratio, off = abs(point.values[v.name] / v.start), abs(point.values[v.name] - v.start)
+        is_far = ratio and max(ratio, 1.0 / ratio) > FAR
+        if off > MOVED * errors[v.name] and (is_far or off > _tolerated(v)):
+            known = "" if is_far else f" with a tolerance of {v.tolerance:g}"
+            found.append(f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}{known}")
     return f"{', '.join(found)}: are its unit and those of the columns right?" if found else ""
+
+
+def _tolerated(v: Any) -> float:
+    """How far a parameter may be off: five times its tolerance, which model.py may state."""
+    return TOLERATED * v.tolerance * abs(v.start) if v.tolerance else np.inf
 
 
 def bounded_parameters(answer: Answer) -> str:
@@ -151,13 +173,17 @@ def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Readin
     What is taken for noise counts as error.  A parameter takes up much of another clock, and two channels
     may go together either way: of these the parameters may lie no farther from those of model.py.
     """
-    stated = Fitter.prior(core.base.values, core.base_free) + WORTH
-    units = rescaled(core)
+    stated, units = _stated(core), rescaled(core)
     for reading in (*units, *driven(core), *relabelled(core), *unsigned(core)):
         error, whole, nats = _refitted(core, reading)
         near = reading in units or reading.signed or nats < stated
         if whole < enough and near and not _boundless(core, error, reading):
             yield error, nats, reading
+
+
+def _stated(core: Core) -> float:
+    """Nats of parameters beside model.py that are as good as stated."""
+    return Fitter.prior(core.base.values, core.base_free) + WORTH
 
 
 def _rivals(answer: Answer, errs: float) -> Iterator[tuple[Reading, tuple[Attached, ...]]]:
@@ -239,7 +265,7 @@ def _refitted(core: Core, reading: Reading) -> tuple[float, float, float]:
         ((beyond_sensors(other, p), p) for p in every), default=(np.inf, other.base), key=lambda r: r[0]
     )
     whole = float(np.sqrt(squares(other, point)[0]))
-    if reading.clock != 1.0 and whole > HALVED * standing(other):
+    if reading.unit and whole > HALVED * standing(other):
         return np.inf, np.inf, np.inf
     return error, whole, Fitter.prior(point.values, core.base_free)
 
@@ -277,6 +303,9 @@ def _boundless(core: Core, error: float, reading: Reading) -> bool:
 
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:
-    left = f"{words.percent(less)} of the outputs' motion" if less > NOTHING else "no more than the noise"
-    gains = f"the model errs by {left} instead of {words.percent(errs)}"
+    gains = f"the model errs by {_left(less)} instead of {words.percent(errs)}"
     return asked(reading, core, gains, names)
+
+
+def _left(error: float) -> str:
+    return f"{words.percent(error)} of the outputs' motion" if error > NOTHING else "no more than the noise"

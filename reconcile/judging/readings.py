@@ -18,22 +18,27 @@ ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 NEAR = 2.0  # times that a signal may be from another unit
-# ratio of a time and the unit it is in
-CLOCKS = {1e-3: "ms", 1e-6: "us", 1e3: "s", 60.0: "min"}
+SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}  # in units of a clock
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What channels (`ratios`) and the time (`clock`) are multiplied by; two channels that are exchanged.
+    """What channels are multiplied by (`ratios`); two that are exchanged; the time's unit, and that stated.
 
     `added`: to some channels, for a zero that is elsewhere.  `signed`: an input that takes an output's sign.
     """
 
     ratios: tuple[tuple[str, float], ...] = ()
     exchanged: tuple[str, ...] = ()
-    clock: float = 1.0
+    unit: str = ""
+    stated: str = "s"
     added: tuple[tuple[str, float], ...] = ()
     signed: tuple[str, ...] = ()
+
+    @property
+    def clock(self) -> float:
+        """What the time is multiplied by."""
+        return SECONDS[self.unit] / SECONDS[self.stated] if self.unit else 1.0
 
     @property
     def further(self) -> list["Reading"]:
@@ -42,9 +47,8 @@ class Reading:
         Where one of them leaves as little error, no unit is told.
         """
         again = replace(self, ratios=tuple((n, r**2) for n, r in self.ratios))
-        clocks = [k for k in CLOCKS if k != self.clock and (k < 1.0) == (self.clock < 1.0)]
-        others = [replace(self, clock=k) for k in clocks] if self.clock != 1.0 else [again]
-        return [r for r in others if r != self]
+        others = [replace(self, unit=u) for u in SECONDS if u != self.stated] if self.unit else [again]
+        return [r for r in others if r != self and (r.clock < 1.0) == (self.clock < 1.0)]
 
     def of(self, run: Run) -> Run:
         """The run as it is read so."""
@@ -137,14 +141,15 @@ def relabelled(core: Core) -> list[Reading]:
         (1.0, -ZERO),
         *((FAHRENHEIT, -32.0 * FAHRENHEIT) for n in warm[:1] if units[n] == "degC"),
     ]
-    clocks = [] if core.model.kind == "discrete" else CLOCKS
+    stated = {r.clock_unit for r in core.runs} if core.model.kind != "discrete" else set()
+    clocks = [Reading(unit=u, stated=s) for s in stated & set(SECONDS) for u in SECONDS if u != s]
     zeros = [
         Reading(tuple((n, r) for n in warm if r != 1.0), added=tuple((n, zero) for n in warm))
         for r, zero in cold
         if warm
     ]
     others = [Reading(exchanged=pair) for pair in pairs] + zeros
-    return [Reading(clock=ratio) for ratio in clocks] + others
+    return (clocks if len(stated) == 1 else []) + others
 
 
 def unsigned(core: Core) -> list[Reading]:
@@ -178,8 +183,8 @@ def asked(reading: Reading, core: Core, gains: str, names: Mapping[str, str]) ->
     theirs = {bare(ours): column for column, ours in names.items()}
     if reading.exchanged:
         return _exchanged(reading.exchanged, gains, theirs)
-    if reading.clock != 1.0:
-        return _clocked(reading.clock, gains, theirs)
+    if reading.unit:
+        return _clocked(reading, gains, theirs)
     if reading.signed:
         u, y = (theirs.get(n, n) for n in reading.signed)
         return f"column {u}: with the sign of {y}, {gains}; it has no negative values: write its sign into it"
@@ -212,9 +217,9 @@ def _exchanged(pair: tuple[str, ...], gains: str, theirs: Mapping[str, str]) -> 
     )
 
 
-def _clocked(ratio: float, gains: str, theirs: Mapping[str, str]) -> str:
-    column = theirs.get("time", "time")
+def _clocked(reading: Reading, gains: str, theirs: Mapping[str, str]) -> str:
+    column, unit = theirs.get("time", "time"), reading.unit
     return (
-        f"column {column}: {ratio:.4g} times as long, {gains}; if its times are in {CLOCKS[ratio]}, write "
-        f"'{column}' = 'time [{CLOCKS[ratio]}]' in [names] of --map, or correct model.py"
+        f"column {column}: {reading.clock:.4g} times as long, {gains}; if its times are in {unit}, write "
+        f"'{column}' = 'time [{unit}]' in [names] of --map, or correct model.py"
     )

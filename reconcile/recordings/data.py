@@ -59,6 +59,7 @@ class Run:
     notes: tuple[str, ...] = ()  # what reading the recording mended
     of: str = ""  # the recording, where its name is another
     before_s: float = 0.0  # between the recording's begin and the stretch: what drifts does so in gaps too
+    clock_unit: str = "s"  # in which the file has its times
 
     @property
     def recording(self) -> str:
@@ -124,7 +125,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             before = start - pieces[0].start_s
             # said once for a recording, not for each stretch
             notes = () if runs else (*measured.repairs, *said)
-            runs.append(Run(label, start, end, *signals, notes=notes, of=name, before_s=before))
+            runs.append(Run(label, start, end, *signals, notes, name, before, measured.clock_unit))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs

@@ -89,5 +89,7 @@ def _longest(row: np.ndarray) -> int:
 
 
 def _step(values: np.ndarray) -> float:
-    """The smallest step between values, or what rounding of numbers leaves."""
-    return max(quantum(values), 1e-6 * float(np.ptp(values)))
+    """The step between values, which rounding may make uneven, or what rounding of numbers leaves."""
+    levels = np.unique(values)
+    uneven = float(np.median(np.diff(levels))) if 1 < len(levels) < HELD * len(values) else 0.0
+    return max(quantum(values), uneven, 1e-6 * float(np.ptp(values)))

@@ -1,12 +1,13 @@
 """The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from reconcile import words
 from reconcile.catalogue import ALL, Effect, Scales, freeform
 from reconcile.catalogue.offset import NAME as OFFSET
 from reconcile.equations.model import Attached, Folder, candidates
@@ -68,7 +69,9 @@ class Core:
         recorded -= {n for n in units if n in recorded and units[n] in ("", "1") and _switches(runs, n)}
         self.outputs = [n for n in folder.ports.outputs if n in recorded]
         if not self.outputs:
-            raise InputError(f"the recordings hold no output of {self.model.name} that varies")
+            raise InputError(
+                f"the recordings hold no output of {self.model.name} that varies{_still(self.still, runs)}"
+            )
         constant = still(runs, [v.name for v in self.model.inputs])
         found = candidates(folder, sorted(recorded), (*catalogue, *freeform.FORMS), constant=constant)
         found = [a for a in found if _shows(a, runs)]
@@ -161,6 +164,11 @@ class Core:
                     self.kalman.substeps = n // 2
                     return
             before = found
+
+    @property
+    def shows_all(self) -> bool:
+        """Whether every state of the model is recorded: none of it is hidden at first."""
+        return len(self.kalman.shown) == len(self.model.states)
 
     @property
     def floors(self) -> dict[str, Floor]:
@@ -355,3 +363,11 @@ def _width(a: Attached, s: Scales) -> float:
     if a.effect.width == "gap":
         return CLOSING
     return 3e-3 * sizes[a.effect.width or "u"]
+
+
+def _still(outputs: Collection[str], runs: Sequence[Run]) -> str:
+    """Which outputs keep one value, and which inputs may have been taken for outputs."""
+    driven = {n for r in runs for n in r.inputs}
+    moving = words.listed(sorted(driven - still(runs, driven)))
+    kept = f": {words.listed(sorted(outputs))} keeps one value" if outputs else ""
+    return f"{kept}, and {moving} does not; are their columns exchanged?" if kept and moving else kept

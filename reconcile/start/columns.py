@@ -87,7 +87,21 @@ def columns_of(measured: Measurement, path: Path) -> list[Column]:
     most = max(len(c.time) for c in found)
     if most < LEAST_SAMPLES:
         raise InputError(f"{path} has {most} samples, and {LEAST_SAMPLES} are needed")
-    return [c if c.role == "input" else _with_values(c) for c in _by_data(found)]
+    return [c if c.role == "input" else _with_values(c) for c in _by_data(_heated(found))]
+
+
+def _heated(columns: Sequence[Column]) -> list[Column]:
+    """T1 beside Q1 without units, as heaters log them: a temperature and the heat that drives it."""
+    names = {c.name for c in columns if not c.unit}
+    text = "guessed: T and Q of one number are a temperature and its heat"
+
+    def told(c: Column) -> Column:
+        kind, number = c.name[:1], c.name[1:]
+        if not (number.isdigit() and {f"T{number}", f"Q{number}"} <= names and c.name in names):
+            return c
+        return replace(c, role="input" if kind == "Q" else "other", reason=text)
+
+    return [told(c) for c in columns]
 
 
 def _with_values(column: Column) -> Column:

@@ -70,7 +70,7 @@ def role_of(name: str, unit: str) -> tuple[str, str]:
         return of_unit, f"its unit is {unit}"
     if "output" in named:
         return "output", "its name says that it is an output"
-    if unit in COMMAND_UNITS and (not named or "input" in named):
+    if unit in COMMAND_UNITS and (not named or "input" in named or (unit == "%" and words == ["q"])):
         return "input", f"its unit is {unit}"
     if unit and unit != "1":
         return "other", f"its unit is {unit}"

@@ -24,6 +24,8 @@ SURE = 0.95  # correlation between changes of a position and its integrated spee
 LAGS = (1, 2, 5, 10, 20, 50)  # samples
 SHORTEST = 12  # changes to compare
 FAR_BEYOND = 3.0  # times the limits that a model states of an input: no command, another unit
+OFTEN = 0.25  # of an output's samples, that lie outside of its limits: another unit or sign
+NEARLY = 0.1  # of what it spans, by which a sample may lie outside: noise, a zero that is off
 SATURATED = 0.5  # share of samples at one extreme value, and not all of them
 
 
@@ -62,7 +64,7 @@ def question(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = 
 
 
 def beyond(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = None) -> str:
-    """A question about an input that goes far beyond the limits that model.py states of it; "" without."""
+    """A question on an input far beyond its limits in model.py, or an output often outside; "" without."""
     theirs = {bare(ours): column for column, ours in (names or {}).items()}
     for v in model.inputs:
         values = [np.abs(r.inputs[v.name].values).max() for r in runs if v.name in r.inputs]
@@ -72,7 +74,27 @@ def beyond(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = No
             said = f"column {column} reaches {reach:g}, and {v.name} [{v.unit}] at most {most:g} by model.py"
             unit = f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
             return f"{said}: {unit}, or correct model.py"
-    return ""
+    return next((s for v in model.outputs if (s := _outside(v, runs, names or {}))), "")
+
+
+def _outside(v: Any, runs: Sequence[Any], names: Mapping[str, str]) -> str:
+    """The same of an output whose values often lie outside of its limits."""
+    each = [r.outputs[v.name].values for r in runs if v.name in r.outputs]
+    if not each or (v.min is None and v.max is None):
+        return ""
+    values, low, high = np.concatenate(each), v.min, v.max
+    near = NEARLY * float(np.ptp(values))
+    low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
+    out = lambda y: float(np.mean((y < low - near) | (y > high + near)))  # noqa: E731
+    if out(values) <= OFTEN:
+        return ""
+    column = {bare(ours): theirs for theirs, ours in names.items()}.get(v.name, v.name)
+    said = f"column {column} has values from {values.min():g} to {values.max():g}, often outside of "
+    said += f"{v.name}'s limits in model.py, {low:g} to {high:g} {v.unit}"
+    how = f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
+    if out(-values) <= OFTEN:
+        how = f"is its sign turned? Then write {turned_line(v.name, names)} in [names] of --map"
+    return f"{said}: {how}, or correct model.py"
 
 
 def notes(runs: Sequence[Any]) -> list[str]:

@@ -46,7 +46,8 @@ def assemble(raw: Raw, source: str, names: Mapping[str, str] | None = None) -> M
     if not channels:
         why = "".join(f"; {n}" for n in notes[:3])
         raise InputError(f"{source} holds no samples{why}")
-    found = Measurement(channels, raw.start, raw.meta, source, tuple(notes), tuple(raw.reading))
+    said = tuple(notes), tuple(raw.reading), raw.clock_unit
+    found = Measurement(channels, raw.start, raw.meta, source, *said)
     return _from_zero(found, raw.offset)
 
 

@@ -65,6 +65,7 @@ class Raw:
     notes: Sequence[str] = ()
     offset: float = 0.0  # s that the file's own clock shows at 0 s of `time`
     reading: Sequence[str] = ()  # how the file was read: what was decided about it
+    clock_unit: str = "s"  # in which the file has its times; s where these are dates, or state none
 
 
 LATE = 16  # rows that a row may come late and still is put in its place

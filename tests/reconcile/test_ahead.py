@@ -13,13 +13,13 @@ from reconcile.judging import judge as judges
 PERIOD, MEMORY = 0.1, 1.0
 
 
-def core(*blocks: tuple[int, int], n: int = 100) -> Any:
+def core(*blocks: tuple[int, int], n: int = 100, shows_all: bool = False) -> Any:
     """One recording of n samples with these blocks (first sample, end) in confirm."""
     inside = np.zeros(n, bool)
     for a, b in blocks:
         inside[a:b] = True
     record = SimpleNamespace(time=PERIOD * np.arange(n), confirm=inside)
-    return SimpleNamespace(memory_s=MEMORY, period=PERIOD, records=[record])
+    return SimpleNamespace(memory_s=MEMORY, period=PERIOD, records=[record], shows_all=shows_all)
 
 
 def stretches(*blocks: tuple[int, int]) -> tuple[list[tuple[int, int]], np.ndarray]:
@@ -55,6 +55,13 @@ def test_none_begins_before_hidden_states_can_be_known(block, begins):
 def test_what_comes_before_hidden_states_are_known_does_not_count_beside_others():
     _, counts = stretches((3, 14), (40, 45))
     assert counts.tolist() == [10, 11, 12, 13, 40, 41, 42, 43, 44]
+
+
+def test_where_every_state_is_recorded_ten_samples_are_enough():
+    known = core((0, 95), n=400, shows_all=True)
+    known.memory_s = 9.0
+    ((_, counts),) = windows(known, ("confirm",))
+    assert np.flatnonzero(counts).tolist() == list(range(10, 95))
 
 
 def test_a_model_that_runs_away_errs_without_end(monkeypatch):

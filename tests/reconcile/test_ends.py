@@ -24,6 +24,7 @@ NOISE = 0.05 * np.random.default_rng(5).standard_normal(len(TIME))
         (np.round(np.minimum(WAVE + NOISE, 27.0)), 0),
         (np.clip(WAVE + NOISE, 19.0, 21.0), 0),
         (np.r_[np.full(20, 12.0), np.minimum(WAVE + NOISE, 27.0)], 0),
+        (np.round(0.3223 * np.round((70.0 - 40.0 * np.exp(-TIME / 40.0) + NOISE) / 0.3223), 2), 0),
     ],
     ids=[
         "within",
@@ -34,6 +35,7 @@ NOISE = 0.05 * np.random.default_rng(5).standard_normal(len(TIME))
         "coarse steps",
         "two levels",
         "begun at rest",
+        "uneven steps",
     ],
 )
 def test_rows_of_one_value_at_an_end_are_a_sensors(values, count):

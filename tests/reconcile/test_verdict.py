@@ -246,10 +246,23 @@ def test_effects_that_are_as_likely_as_a_curve_take_its_place(rig, behind: float
     assert [r.effect for r in refused] == (["friction_curve"] if kept else [])
 
 
+@pytest.mark.parametrize(("value", "said"), [(1.12, True), (0.8, False)])
+def test_a_parameter_far_beyond_its_tolerance_is_said(monkeypatch, value: float, said: bool):
+    monkeypatch.setattr(mistaken, "standard_errors", lambda point: {"gain": 0.01})
+    model = SimpleNamespace(parameters=[SimpleNamespace(name="gain", start=0.7, tolerance=0.05)])
+    answer: Any = SimpleNamespace(
+        point=SimpleNamespace(values={"gain": value}), core=SimpleNamespace(model=model)
+    )
+    text = "gain comes out at 1.12 instead of 0.7 with a tolerance of 0.05: are its unit and"
+    assert mistaken.far_parameters(answer).startswith(text) is said
+
+
 @pytest.mark.parametrize(("value", "said"), [(78.7, True), (40000.0, True), (400.0, False)])
 def test_a_parameter_that_comes_out_ten_times_off_is_said(monkeypatch, value: float, said: bool):
     monkeypatch.setattr(mistaken, "standard_errors", lambda point: {"tau": 1.0, "loose": 1e5})
-    parameters = (SimpleNamespace(name="tau", start=3000.0), SimpleNamespace(name="loose", start=1.0))
+    parameters = [
+        SimpleNamespace(name=n, start=s, tolerance=None) for n, s in (("tau", 3000.0), ("loose", 1.0))
+    ]
     point = SimpleNamespace(values={"tau": value, "loose": 1e5})
     answer: Any = SimpleNamespace(
         point=point, core=SimpleNamespace(model=SimpleNamespace(parameters=parameters))

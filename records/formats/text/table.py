@@ -29,6 +29,7 @@ from records.formats.text.rows import Block, Rows
 from records.formats.text.source import Source, opened
 from records.formats.text.whole import keep_whole_numbers
 from records.formats.text.words import is_number, is_value
+from records.formats.units import of_time, spelled
 from records.recording import first_line
 from specs.errors import InputError
 
@@ -229,7 +230,8 @@ class TextTable:
         if len(groups) > 1:
             groups = [without_empty_rows(g) for g in groups]
         _, start, offset = times[0]  # alike for all
-        return Raw(groups, start or start_of(meta), meta, self.notes, offset, self._said())
+        unit = spelled(clocks[0].unit) if of_time(clocks[0].unit) else "s"
+        return Raw(groups, start or start_of(meta), meta, self.notes, offset, self._said(), unit)
 
     def _column(self, i: int, column: Column, rows: int) -> RawColumn | None:
         """A column's samples; None where it has none, or only counts the rows."""

@@ -329,6 +329,18 @@ def test_what_alone_moves_is_the_output_whatever_it_is_called(tmp_path: Path, te
     assert list(only.outputs) == [{"T1": "t1"}.get(heading, "voltage")]
 
 
+@pytest.mark.parametrize(("temperature", "heat"), [("T1", "Q1"), ("T1 [degC]", "Q1 [%]")])
+def test_a_heater_and_its_temperature_are_known_by_their_usual_names(tmp_path: Path, temperature, heat):
+    t = 1.0 * np.arange(400)
+    q = np.where(t < 20.0, 0.0, 50.0)
+    rise = 35.0 * (1.0 - np.exp(-np.maximum(t - 20.0, 0.0) / 90.0))
+    file = table(tmp_path / "r.csv", {"time [s]": t, temperature: np.round(21.0 + rise, 1), heat: q})
+    assert start(file, tmp_path / "first")[0].startswith("template first-order")
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert list(only.inputs) == ["q1"]
+    assert list(only.outputs) == ["t1"]
+
+
 @pytest.mark.parametrize(
     ("angle", "beside", "template"),
     [

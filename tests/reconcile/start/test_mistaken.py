@@ -226,26 +226,47 @@ def test_an_angle_in_radians_that_is_said_to_be_in_degrees_is_asked_beside_an_in
 
 
 @pytest.mark.parametrize(
-    ("reading", "asked"),
+    ("ratio", "unit", "columns", "asked"),
     [
-        (Reading(clock=1e3), "column clock: 0.001 times as long"),
-        (Reading(clock=1e-3), "column clock: 1000 times as long"),
-        (Reading(clock=1e6), "column clock: 1e-06 times as long"),
-        (Reading(exchanged=("torque", "position")), "columns M and q: with one taken for the other"),
-        (Reading(), ""),
+        (1e3, "s", "qM", "column clock: 0.001 times as long"),
+        (1e6, "s", "qM", "column clock: 1e-06 times as long"),
+        (1.0, "ms", "qM", "column clock: 1000 times as long"),
+        (1.0, "min", "qM", "column clock: 0.01667 times as long"),
+        (1.0 / 60.0, "s", "qM", "column clock: 60 times as long"),
+        (1.0, "s", "Mq", "columns q and M: with one taken for the other"),
+        (1.0, "s", "qM", ""),
     ],
 )
 def test_a_clock_in_another_unit_and_exchanged_columns_are_asked(
-    tmp_path: Path, reading: Reading, asked: str
+    tmp_path: Path, ratio: float, unit: str, columns: str, asked: str
 ):
     own = checks.open_folder(str(folder(tmp_path / "model", ROTARY)))
-    names = {"clock": "time", "q": "position [rad]", "M": "torque [N.m]"}
+    names = {"clock": f"time [{unit}]", columns[0]: "position [rad]", columns[1]: "torque [N.m]"}
     r = rig(rows=1600)
-    file = table(tmp_path / "a.csv", {"clock": r["t"], "q": r["q"], "M": r["torque"]})
-    core = Core(own, split([reading.of(run) for run in read_run(file, own, names)], (), ()))
+    file = table(tmp_path / "a.csv", {"clock": ratio * r["t"], "q": r["q"], "M": r["torque"]})
+    core = Core(own, split(read_run(file, own, names), (), ()))
     said = mistaken.evident(core, names)
     assert said.startswith(asked)
     assert bool(said) == bool(asked)
+
+
+def test_exchanged_columns_that_strange_parameters_make_up_for_are_asked(tmp_path: Path):
+    """A level read as the command that makes it: by a gain far from the one stated it fits."""
+    text = LAG.replace("- x.y)", "* p.K - x.y)").replace(
+        "    parameters=(",
+        '    parameters=(Variable("K", "1", "Gain", start=1.7, min=0.1, max=20, tolerance=0.05),',
+    )
+    own = checks.open_folder(
+        str(folder(tmp_path / "model", text.replace("max=10)", "max=10, tolerance=0.1)")))
+    )
+    time, u = 0.02 * np.arange(1200), np.repeat([0.0, 60.0], [30, 1170])
+    level = 1.7 * 60.0 * (1.0 - np.exp(-np.maximum(time - 0.6, 0.0) / 0.6))
+    level += 0.3 * np.random.default_rng(4).normal(size=len(time))
+    file = table(tmp_path / "a.csv", {"time": time, "y": level, "heat": u})
+    core = Core(own, split(read_run(file, own, {"y": "u [1]", "heat": "level [1]"}), (), ()))
+    assert mistaken.evident(core).startswith("columns u and level: with one taken for the other")
+    right = Core(own, split(read_run(file, own, {"y": "level [1]", "heat": "u [1]"}), (), ()))
+    assert not mistaken.evident(right)
 
 
 def test_a_clock_in_which_nothing_moves_is_no_reading(tmp_path: Path):
@@ -258,7 +279,7 @@ def test_a_clock_in_which_nothing_moves_is_no_reading(tmp_path: Path):
     level += 2.0 * np.random.default_rng(4).normal(size=len(time))
     file = table(tmp_path / "a.csv", {"time": time, "pwm": level, "rpm": u})
     core = Core(own, split(read_run(file, own, {"pwm": "u [1]", "rpm": "level [1]"}), (), ()))
-    assert mistaken._refitted(core, Reading(clock=1e-3))[0] == np.inf
+    assert mistaken._refitted(core, Reading(unit="ms"))[0] == np.inf
     assert mistaken._refitted(core, Reading(exchanged=("u", "level")))[0] < 0.05
 
 
@@ -284,7 +305,7 @@ def test_what_settles_a_question_about_columns_is_said_in_the_recordings_words()
     names = {"uhr": "time", "M": "torque [N.m]", "q": "position [rad]"}
     exchanged = Reading(exchanged=("torque", "position"))
     assert "write 'M' = 'position' and 'q' = 'torque' in [names]" in asked(exchanged, core, "", names)
-    assert "its times are in ms, write 'uhr' = 'time [ms]' in" in asked(Reading(clock=1e-3), core, "", names)
+    assert "its times are in ms, write 'uhr' = 'time [ms]' in" in asked(Reading(unit="ms"), core, "", names)
 
 
 @pytest.mark.parametrize(
@@ -336,7 +357,7 @@ def test_other_readings_are_few(kind: str, channels: int, pairs: int):
     signals = [SimpleNamespace(name=f"c{k}", unit=unit) for k, unit in enumerate(units)]
     model = SimpleNamespace(kind=kind, inputs=signals[:2], outputs=signals[2:])
     moving = Signal(np.arange(9.0), np.arange(9.0))
-    runs = [SimpleNamespace(inputs={"c0": moving, "c1": moving}, outputs={})]
+    runs = [SimpleNamespace(inputs={"c0": moving, "c1": moving}, outputs={}, clock_unit="s")]
     ports = SimpleNamespace(controls=["c0", "c1"])
     core: Any = SimpleNamespace(model=model, folder=SimpleNamespace(ports=ports), runs=runs)
     core.outputs = [s.name for s in signals[2:]]

@@ -79,8 +79,25 @@ def test_constant_and_saturated_channels_are_said(tmp_path: Path):
 def test_an_input_far_beyond_its_limits_is_asked_for(most: float | None, asked: bool):
     torque = SimpleNamespace(name="torque", unit="N.m", min=None if most is None else -most, max=most)
     run: Any = SimpleNamespace(inputs={"torque": SimpleNamespace(values=np.array([0.0, -10.0, 3.0]))})
-    said = beyond(SimpleNamespace(inputs=(torque,)), [run], {"M": "torque"})
+    said = beyond(SimpleNamespace(inputs=(torque,), outputs=()), [run], {"M": "torque"})
     assert bool(said) == asked
     if asked:
         assert said.startswith("column M reaches 10, and torque [N.m] at most 2 by model.py: ")
         assert "'M' = 'torque [unit]'" in said
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (3.6, "state its unit in [names]"),
+        (-1.0, "is its sign turned? Then write 'v' = '-speed [m/s]'"),
+        (1.0, ""),
+    ],
+)
+def test_an_output_often_outside_of_its_limits_is_asked_for(factor: float, said: str):
+    speed = SimpleNamespace(name="speed", unit="m/s", min=0.0, max=12.0)
+    values = factor * np.append(np.linspace(11.0, 0.0, 40), np.tile([-0.05, 0.05], 10))
+    run: Any = SimpleNamespace(inputs={}, outputs={"speed": SimpleNamespace(values=values)})
+    found = beyond(SimpleNamespace(inputs=(), outputs=(speed,)), [run], {"v": "speed [m/s]"})
+    assert said in found
+    assert bool(found) == bool(said)
