@@ -336,7 +336,7 @@ def test_a_heater_and_its_temperature_are_known_by_their_usual_names(tmp_path: P
     rise = 35.0 * (1.0 - np.exp(-np.maximum(t - 20.0, 0.0) / 90.0))
     file = table(tmp_path / "r.csv", {"time [s]": t, temperature: np.round(21.0 + rise, 1), heat: q})
     assert start(file, tmp_path / "first")[0].startswith("template first-order")
-    folder, (only,) = opened(file, tmp_path / "first")
+    _, (only,) = opened(file, tmp_path / "first")
     assert list(only.inputs) == ["q1"]
     assert list(only.outputs) == ["t1"]
 
