@@ -115,6 +115,7 @@ def _first(usable: Sequence[Column], role: str, kind: Motion, joint: int | None 
 
 def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
     kind = MOVES if template == "linear" else TURNS
+    usable = [_swung(c) for c in usable] if template == "pendulum" else usable
     found = {r: c for r in ("position", "velocity") if (c := _first(usable, r, kind))}
     if not found:
         listed = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in usable[:8])
@@ -135,6 +136,13 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
     templates.axis(draft, kind, list(found), unit, template == "pendulum", offset)
     draft.parameters = values.axis(template, kind, found, driven)
     return draft, used
+
+
+def _swung(column: Column) -> Column:
+    """A column without a unit that swings by more than a turn if it is in rad: it is in degrees."""
+    if column.unit or not np.ptp(column.values) > 2.0 * np.pi or not _swinging([column]):
+        return column
+    return replace(column, unit="deg", reason="guessed: in rad it would swing by more than a turn")
 
 
 def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -> Column | None:

@@ -329,6 +329,19 @@ def test_what_alone_moves_is_the_output_whatever_it_is_called(tmp_path: Path, te
     assert list(only.outputs) == [{"T1": "t1"}.get(heading, "voltage")]
 
 
+@pytest.mark.parametrize(("swing", "unit"), [(25.0, "deg"), (0.4, "")])
+def test_an_angle_without_a_unit_that_swings_by_many_turns_is_in_degrees(tmp_path: Path, swing, unit):
+    t = 0.05 * np.arange(400)
+    file = table(tmp_path / "r.csv", {"time [s]": t, "theta": swing * np.exp(-0.05 * t) * np.cos(4.0 * t)})
+    start(file, tmp_path / "first", "pendulum")
+    text = (tmp_path / "first" / "map.toml").read_text()
+    assert ('"theta" = "position [deg]"' in text) == bool(unit)
+    (only,) = opened(file, tmp_path / "first")[1]
+    assert np.ptp(only.outputs["position"].values) == pytest.approx(
+        np.radians(50.0) if unit else 0.8, rel=0.1
+    )
+
+
 @pytest.mark.parametrize(("temperature", "heat"), [("T1", "Q1"), ("T1 [degC]", "Q1 [%]")])
 def test_a_heater_and_its_temperature_are_known_by_their_usual_names(tmp_path: Path, temperature, heat):
     t = 1.0 * np.arange(400)
