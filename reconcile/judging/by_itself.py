@@ -93,9 +93,10 @@ class ByItself:
         errs = f"it errs by {words.percent(least)} instead of {words.percent(self._without)}"
         if told:
             return f"That rests on the model by itself, without any disturbance: {errs} then."
-        names = words.with_ports((_place(a) for key in found for a in key), "or")
         beside = " beside that" if self.given.present else ""
-        return f"A hint: by itself, without any disturbance, {errs} with {names}{beside}."
+        more = [f", by {words.percent(self._err(k))} with {_named([k])}" for k in self._of_other_kinds(found)]
+        hint = f"{errs} with {_named(found)}{''.join(more)}{beside}"
+        return f"A hint: by itself, without any disturbance, {hint}."
 
     @property
     def _left(self) -> bool:
@@ -169,6 +170,14 @@ class ByItself:
         ranked = sorted(near, key=lambda k: (_parameters(k), self._err(k)))
         return list({frozenset(map(_place, k)): k for k in reversed(ranked)}.values())[::-1]
 
+    def _of_other_kinds(self, found: Collection[Key]) -> list[Key]:
+        """The best single effect of each kind that is not among these, where it takes a quarter away."""
+        singles = [k for k in self.points if len(k) == 1]
+        others = dict.fromkeys(map(_kind, singles)).keys() - set(map(_kind, found))
+        best = [self._alike([k for k in singles if _kind(k) == one])[0] for one in others]
+        most = (1.0 - LESS) * self._without
+        return sorted((k for k in best if self._err(k) <= most), key=self._err)
+
     def _telling(self, sure: str | None, likely: Container[Key]) -> list[Key]:
         """The simplest that take most of the error away, and some of it in each part.
 
@@ -229,6 +238,17 @@ def _starts(core: Core, plain: Point, scored: Scored) -> list[Values]:
 def _place(a: Attached) -> tuple[str, str]:
     """An effect and its port, whatever its form."""
     return a.effect.name, a.port
+
+
+def _named(keys: Collection[Key]) -> str:
+    """Effects with their ports."""
+    return words.with_ports((_place(a) for key in keys for a in key), "or")
+
+
+def _kind(key: Key) -> str:
+    """Kind of a single effect."""
+    (a,) = key
+    return kind(a.effect.name)
 
 
 def _parameters(key: Key) -> int:

@@ -20,6 +20,7 @@ from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
 MOST_TURNED_DOWN = 2  # effects in a sentence
 LIKELY = 0.5  # probability of an effect, from which it is not said that none explains anything
+LESS_LIKELY, NATS = 1.5, 14.0  # times from which that is said; the most nats that are: a million times
 OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
 
 
@@ -113,8 +114,9 @@ def _nearest(answer: Answer) -> str:
     nearest = answer.beam.nearest(answer.judged.answer)
     if nearest is None:
         return ""
-    names = words.together(_pairs(nearest[0]))
-    return f" The nearest effects, {names}, are {nearest[1]:.0f} nats less likely."
+    times = np.exp(np.clip(nearest[1], 0.0, NATS))
+    less = f", {times:.2g} times less likely" if times > LESS_LIKELY else ""
+    return f" The nearest of effects: {words.together(_pairs(nearest[0]))}{less}."
 
 
 def _unnamed(answer: Answer, beyond: float, left: str) -> tuple[str, str]:
