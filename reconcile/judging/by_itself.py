@@ -7,6 +7,7 @@ error the model does.  What lasts is no noise: how probable such an answer is, n
 from collections import Counter
 from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -60,9 +61,12 @@ class ByItself:
         """The answer as it was given, or with effects that take most of the error of the model by itself.
 
         Where the likelihood is sure of a kind, and something is left, that stays the answer; else effects of
-        that kind may be told.  Where it may well be a curve that no effect has, none is.
+        that kind may be told.  By itself another kind may explain more: then none is sure.  Where it may well
+        be a curve that no effect has, none is told.
         """
-        sure = self.given.judged.sure_kind
+        if self._other_kind(sure := self.given.judged.sure_kind):
+            kinds = {k: min(p, ALONE) for k, p in self.given.judged.kinds.items()}
+            self.given, sure = replace(self.given, judged=replace(self.given.judged, kinds=kinds)), None
         curve = curves(self.given.judged.posterior, frozenset()) > 1.0 - SURE
         if self.plain is None or not self.points or self.given.present or (sure and self._left) or curve:
             return self.given
@@ -177,6 +181,14 @@ class ByItself:
         best = [self._alike([k for k in singles if _kind(k) == one])[0] for one in others]
         most = (1.0 - LESS) * self._without
         return sorted((k for k in best if self._err(k) <= most), key=self._err)
+
+    def _other_kind(self, sure: str | None) -> bool:
+        """Whether an effect of another kind leaves clearly less than those of the kind that is sure."""
+        of = {
+            w: [self._err(k) for k in self.points if len(k) == 1 and (_kind(k) == sure) == w]
+            for w in (True, False)
+        }
+        return bool(of[True] and of[False]) and min(of[False]) < (1.0 - LESS) * min(of[True])
 
     def _telling(self, sure: str | None, likely: Container[Key]) -> list[Key]:
         """The simplest that take most of the error away, and some of it in each part.

@@ -88,6 +88,13 @@ def test_what_explains_less_or_less_than_the_likelihood_knows_is_a_hint(unnamed:
     assert found.said.endswith(" with coulomb_friction (v).")
 
 
+def test_a_kind_that_explains_less_by_itself_is_not_sure(unnamed: Answer):
+    unnamed = replace(unnamed, judged=replace(unnamed.judged, kinds={"stiffness": 0.95}))
+    found = ByItself(unnamed).answer
+    assert found.judged.sure_kind is None
+    assert [a.key for a in found.present] == [FRICTION]
+
+
 def test_where_the_likelihood_sees_nothing_the_model_by_itself_is_asked_too(unnamed: Answer, monkeypatch):
     monkeypatch.setattr(ByItself, "_left", False)
     assert [a.key for a in ByItself(unnamed).answer.present] == [FRICTION]
