@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
-NO_AXIS = "no axis of the model is known that a force moves"
+NO_AXIS = "no state of the model is known as a speed"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 

@@ -67,7 +67,7 @@ def without_axis(figures: dict[str, Any]) -> list[str]:
     if not any(line["because"].startswith(words.NO_AXIS) for line in figures.get("untold") or ()):
         return []
     return [
-        f"{words.NO_AXIS}, so no friction, spring or load is looked for; "
+        f"{words.NO_AXIS}, so no friction, spring or load is looked for, which is right where nothing moves; "
         "if a state is a speed in whatever unit, declare PORTS in model.py, as in "
         'PORTS = {"axis": {"velocity": "NAME OF THAT STATE"}}'
     ]
