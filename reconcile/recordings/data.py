@@ -120,12 +120,12 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     for piece in pieces:
         start, end = piece.start_s, piece.start_s + (len(piece) - 1) * step
         if end - start > LEAST_STRETCH * step:
-            signals = [_cut(channels, names, start, end) for names in (inputs, outputs)]
+            ins, outs = (_cut(channels, names, start, end) for names in (inputs, outputs))
             label = name if not runs else f"{name}.{len(runs)}"
             before = start - pieces[0].start_s
             # said once for a recording, not for each stretch
             notes = () if runs else (*measured.repairs, *said)
-            runs.append(Run(label, start, end, *signals, notes, name, before, measured.clock_unit))
+            runs.append(Run(label, start, end, ins, outs, notes, name, before, measured.clock_unit))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs

@@ -143,13 +143,13 @@ def _header(rows: Sequence[tuple[int, list[str]]], clocks: Sequence[str]) -> int
     """Index of the header among the rows; None where the file begins with data."""
     for at, (_, cells) in enumerate(rows):
         if len([c for c in cells if c]) > 1 and _names(cells[1:]) and _has_clock(cells, clocks):
-            return _names_above(rows, _last_header(rows, at, clocks))
+            return _names_above(rows, _last_header(rows, at, clocks), clocks)
     first = next((i for i, (_, cells) in enumerate(rows) if len(cells) > 1 and _is_data(cells)), None)
     if first is None:
         return next((i for i, (_, cells) in enumerate(rows) if len(cells) > 1), 0)
     if first == 0:
         return None
-    return _names_above(rows, first - 1)
+    return _names_above(rows, first - 1, clocks)
 
 
 def _last_header(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequence[str]) -> int:
@@ -166,10 +166,15 @@ def _last_header(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequenc
     return at
 
 
-def _names_above(rows: Sequence[tuple[int, list[str]]], at: int) -> int:
-    """The line itself, or the one before it where this one holds nothing but units."""
+def _names_above(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequence[str]) -> int:
+    """The line itself, or the one before it where this one holds nothing but units.
+
+    A `t` with nothing above it is a clock's name, as of a table with the names of bodies above it.
+    """
     width = len(rows[at][1])
     while at > 0 and len(rows[at - 1][1]) == width and _units(rows[at][1]) and _names(rows[at - 1][1][1:]):
+        if any(not rows[at - 1][1][i] for i in _clock_at(rows[at][1], clocks)):
+            return at
         at -= 1
     return at
 

@@ -188,6 +188,13 @@ def test_a_preamble_that_names_a_time_in_another_column_is_no_header(read):
     assert found["Model Root/p"].time.tolist() == [0, 0.5]
 
 
+def test_the_name_of_a_body_above_a_header_is_none(read):
+    """As trackers of videos write them: `t` is a unit, too."""
+    found = read(table("\tprotractor_A\t", ["t\tθ\t", "0,0E0\t2,5E1\t", "5,0E-1\t2,4E1\t", "1,0E0\t2,3E1\t"]))
+    assert found["θ"].values.tolist() == [25, 24, 23]
+    assert found["θ"].time.tolist() == [0, 0.5, 1]
+
+
 @pytest.mark.parametrize(
     "cell", ["time" + " " * 200_000 + "in x", '"' + '""' * 100_000, "time" + "[" * 100_000]
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from runtime.image import INPUT, Status
 from runtime.interfaces import seats
@@ -46,8 +47,7 @@ class Both:
 @asynccontextmanager
 async def connected(served: Beside, papers: dict[str, Any], who: str = ""):
     """A client, with the certificate of `who` or none; the machine ticks meanwhile."""
-    import asyncua
-
+    asyncua: Any = pytest.importorskip("asyncua")
     client = asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")
     client.application_uri = "urn:test:client"
     if who:
