@@ -123,11 +123,11 @@ def turned_parameters(answer: Answer) -> str:
 
 
 def far_parameters(answer: Answer) -> str:
-    """A sentence on base parameters ten times off what model.py says, or far beyond their tolerance."""
+    """A sentence on base parameters ten times off what may be by model.py, or far beyond their tolerance."""
     errors, point, found = standard_errors(answer.point), answer.point, []
     for v in (v for v in answer.core.model.parameters if v.start and v.name in errors):
         ratio, off = abs(point.values[v.name] / v.start), abs(point.values[v.name] - v.start)
-        is_far = ratio and max(ratio, 1.0 / ratio) > FAR
+        is_far = ratio and max(ratio, 1.0 / ratio) > FAR * (1.0 + (v.tolerance or 0.0))
         if off > MOVED * errors[v.name] and (is_far or off > _tolerated(v)):
             known = "" if is_far else f" with a tolerance of {v.tolerance:g}"
             found.append(f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}{known}")

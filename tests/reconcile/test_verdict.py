@@ -246,14 +246,20 @@ def test_effects_that_are_as_likely_as_a_curve_take_its_place(rig, behind: float
     assert [r.effect for r in refused] == (["friction_curve"] if kept else [])
 
 
-@pytest.mark.parametrize(("value", "said"), [(1.12, True), (0.8, False)])
-def test_a_parameter_far_beyond_its_tolerance_is_said(monkeypatch, value: float, said: bool):
+@pytest.mark.parametrize(
+    ("value", "tolerance", "said"),
+    [(1.12, 0.05, True), (0.8, 0.05, False), (14.0, 2.0, False), (22.0, 2.0, True)],
+)
+def test_a_parameter_far_beyond_its_tolerance_is_said(
+    monkeypatch, value: float, tolerance: float, said: bool
+):
     monkeypatch.setattr(mistaken, "standard_errors", lambda point: {"gain": 0.01})
-    model = SimpleNamespace(parameters=[SimpleNamespace(name="gain", start=0.7, tolerance=0.05)])
+    model = SimpleNamespace(parameters=[SimpleNamespace(name="gain", start=0.7, tolerance=tolerance)])
     answer: Any = SimpleNamespace(
         point=SimpleNamespace(values={"gain": value}), core=SimpleNamespace(model=model)
     )
-    text = "gain comes out at 1.12 instead of 0.7 with a tolerance of 0.05: are its unit and"
+    known = " with a tolerance of 0.05" if tolerance < 1.0 else ""
+    text = f"gain comes out at {value:g} instead of 0.7{known}: are its unit and"
     assert mistaken.far_parameters(answer).startswith(text) is said
 
 
