@@ -18,7 +18,8 @@ ZERO = 273.15  # K, of degC
 FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 NEAR = 2.0  # times that a signal may be from another unit
-SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}  # in units of a clock
+CLOCKS = ("us", "ms", "s", "min")  # units in which a time may be
+SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Reading:
         Where one of them leaves as little error, no unit is told.
         """
         again = replace(self, ratios=tuple((n, r**2) for n, r in self.ratios))
-        others = [replace(self, unit=u) for u in SECONDS if u != self.stated] if self.unit else [again]
+        others = [replace(self, unit=u) for u in CLOCKS if u != self.stated] if self.unit else [again]
         return [r for r in others if r != self and (r.clock < 1.0) == (self.clock < 1.0)]
 
     def of(self, run: Run) -> Run:
@@ -142,7 +143,7 @@ def relabelled(core: Core) -> list[Reading]:
         *((FAHRENHEIT, -32.0 * FAHRENHEIT) for n in warm[:1] if units[n] == "degC"),
     ]
     stated = {r.clock_unit for r in core.runs} if core.model.kind != "discrete" else set()
-    clocks = [Reading(unit=u, stated=s) for s in stated & set(SECONDS) for u in SECONDS if u != s]
+    clocks = [Reading(unit=u, stated=s) for s in stated & {*SECONDS} for u in CLOCKS if u != s]
     zeros = [
         Reading(tuple((n, r) for n in warm if r != 1.0), added=tuple((n, zero) for n in warm))
         for r, zero in cold

@@ -24,8 +24,9 @@ def continuous(values: np.ndarray, unit: str) -> np.ndarray:
 
 def counted(values: np.ndarray) -> tuple[np.ndarray, int]:
     """A counter's values [n] without its overflows, and its bits; other values as they are, and 0."""
-    for bits in BITS if len(values) > 1 else ():
-        whole = _step(values) * 2.0**bits
+    step = _step(values) if len(values) > 1 else 0.0
+    for bits in BITS if step else ():
+        whole = step * 2.0**bits
         if FILLED * whole < np.ptp(values) < whole:
             found = _without_jumps(values, whole)
             if found is not values and np.ptp(found) > MOVES * whole:
