@@ -169,11 +169,12 @@ def _last_header(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequenc
 def _names_above(rows: Sequence[tuple[int, list[str]]], at: int, clocks: Sequence[str]) -> int:
     """The line itself, or the one before it where this one holds nothing but units.
 
-    A `t` with nothing above it is a clock's name, as of a table with the names of bodies above it.
+    A `t` with nothing above it, beside what is no unit, is a clock's name: of a table below names of bodies.
     """
     width = len(rows[at][1])
     while at > 0 and len(rows[at - 1][1]) == width and _units(rows[at][1]) and _names(rows[at - 1][1][1:]):
-        if any(not rows[at - 1][1][i] for i in _clock_at(rows[at][1], clocks)):
+        named = not all(is_unit(c.strip("[]()")) for c in rows[at][1] if c)
+        if named and any(not rows[at - 1][1][i] for i in _clock_at(rows[at][1], clocks)):
             return at
         at -= 1
     return at
