@@ -260,7 +260,7 @@ def test_reading_and_building_need_no_torch() -> None:
 def test_shipped_policies_keep_the_contract_and_say_what_made_them(path: Path) -> None:
     """Read like any other; recipe, command, seed and commit in the file."""
     found = export.read(path).contract
-    name = path.stem.removesuffix("_no_history")
+    name = path.stem.removesuffix("_no_history").removesuffix("_own")
     assert found.made["recipe"] == {"full": "family", "single": "full"}.get(name, name)
     assert found.made["command"].startswith("slewright train policy")
     assert {"seed", "commit", "training"} <= set(found.made)
