@@ -30,9 +30,10 @@ WHY = {
     "slew_only": """
         On the authors' networks, on which it was trained, PPO is faster and more accurate than in the
         paper, and at that speed its tool swings more; on the other two plants it is slower and overshoots
-        more, because it has learnt the answer of one drive (with history less so than without), and PI
-        is half as fast, overshoots less and misses most targets, because it was tuned for the time-weighted
-        error over many machines and creeps in the end.
+        more, because it has learnt the answer of one drive (with history less so than without; trained on
+        the project's own networks, [`paper_slew_own`](../explanation/policy.md) turns on the reference
+        machine at 14.3 °/s), and PI is half as fast, overshoots less and misses most targets,
+        because it was tuned for the time-weighted error over many machines and creeps in the end.
     """,
     "four_targets": """
         As in the paper driver and controller take similar paths; here the driver is a model of an operator,
