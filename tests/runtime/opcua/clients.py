@@ -1,47 +1,15 @@
-"""Clients of the OPC UA server beside a machine that ticks, and the ports of its control process."""
+"""Clients of the OPC UA server beside a machine that ticks."""
 
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from runtime.image import INPUT, Status
-from runtime.interfaces import seats
-from runtime.interfaces.port import Asked, SeatsPort
-from runtime.interfaces.publish import create
-from runtime.shared import Cell
 from specs.opcua import NAMESPACE
-from tests.runtime.bundles import core
 from tests.runtime.interfaces.beside import Beside
-
-
-class Both:
-    """The control process's ports: seats and images."""
-
-    def __init__(self, folder: Path) -> None:
-        from runtime.interfaces.publish import ImagePort
-
-        seats.create(folder, ("opcua",))
-        granted = seats.join_granted(folder)
-        assert granted
-        self.granted: Cell = granted
-        self.seats = SeatsPort([Asked(1, seats.join(folder, "opcua"))], granted, core("pd").library)
-        self.images = ImagePort(create(folder))
-
-    def receive(self, inputs: np.ndarray, tick: int) -> None:
-        places = [INPUT.at(s.name) for s in seats.HOLDING]
-        inputs["status"][places], inputs["age"][places] = Status.NEVER, -1  # no planner over CAN
-        self.seats.receive(inputs, tick)
-        self.images.receive(inputs, tick)
-
-    def send(self, outputs: np.ndarray, tick: int) -> None:
-        self.seats.send(outputs, tick)
-        self.images.send(outputs, tick)
 
 
 @asynccontextmanager

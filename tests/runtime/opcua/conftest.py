@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from tests.runtime.interfaces.beside import Beside
+from tests.runtime.interfaces.both import Both
 from tests.runtime.modbus.certificates import Authority, utf8
-from tests.runtime.opcua.clients import Both
 
 
 @pytest.fixture(scope="module")
@@ -32,5 +32,5 @@ def served(tmp_path_factory: pytest.TempPathFactory, papers: dict[str, Any]):
     files = dict(zip(("certificate", "key"), map(str, papers["server"]), strict=True))
     security = {**files, "authority": str(papers["authority"])}
     told = {"host": "127.0.0.1", "port": 0, "closed": False, "security": security}
-    with Beside("opcua", tmp_path, Both(tmp_path), **told) as found:
+    with Beside("opcua", tmp_path, Both(tmp_path, "opcua"), **told) as found:
         yield found

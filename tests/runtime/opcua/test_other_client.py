@@ -23,7 +23,7 @@ pytestmark = [
 
 
 def test_open62541_reads_every_signal_and_commands_with_a_certificate(tmp_path: Path):
-    from tests.runtime.opcua.clients import Both
+    from tests.runtime.interfaces.both import Both
 
     authority = Authority(tmp_path)
     server = authority.give("server", uri="urn:slewright:runtime")
@@ -33,7 +33,7 @@ def test_open62541_reads_every_signal_and_commands_with_a_certificate(tmp_path: 
     run, images = tmp_path / "run", drawn(1)
     run.mkdir()
     told = {"host": "127.0.0.1", "port": 0, "closed": False, "security": security}
-    with Beside("opcua", run, Both(run), **told) as served:
+    with Beside("opcua", run, Both(run, "opcua"), **told) as served:
         command = [sys.executable, "-m", "tests.runtime.opcua.other_client", served.ready, *files]
         served.publish(images)
         time.sleep(0.5)

@@ -15,8 +15,9 @@ import pytest
 from runtime.image import INPUT, OUTPUT, Status
 from specs import ros2
 from tests.runtime.interfaces.beside import Beside, drawn, value
+from tests.runtime.interfaces.both import Both
 from tests.runtime.ros2.peer import DOMAINS
-from tests.runtime.ros2.test_live import Both, x
+from tests.runtime.ros2.test_live import x
 
 pytest.importorskip("cyclonedds")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -47,7 +48,7 @@ def test_fast_dds_reads_every_signal_and_commands(tmp_path: Path, program: Path)
     with Beside(
         "ros2",
         tmp_path,
-        Both(tmp_path),
+        Both(tmp_path, "ros2"),
         domain=domain,
         commands=True,
         simulated=True,

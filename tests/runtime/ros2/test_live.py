@@ -4,42 +4,17 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from runtime.image import INPUT, OUTPUT, Status
-from runtime.interfaces import seats
-from runtime.interfaces.port import Asked, SeatsPort
-from runtime.interfaces.publish import ImagePort, create
 from specs import ros2
-from tests.runtime.bundles import core
 from tests.runtime.interfaces.beside import Beside, drawn, value
+from tests.runtime.interfaces.both import Both
 from tests.runtime.ros2.peer import DOMAINS, Peer, target, until
 
 pytest.importorskip("cyclonedds")
 COMMAND = "/slewright/target"
 X = INPUT.at("target_x")
-
-
-class Both:
-    """The control process's ports: seats and images."""
-
-    def __init__(self, folder: Path) -> None:
-        seats.create(folder, ("ros2",))
-        granted = seats.join_granted(folder)
-        assert granted
-        self.seats = SeatsPort([Asked(2, seats.join(folder, "ros2"))], granted, core("pd").library)
-        self.images = ImagePort(create(folder))
-
-    def receive(self, inputs: np.ndarray, tick: int) -> None:
-        places = [INPUT.at(s.name) for s in seats.HOLDING]
-        inputs["status"][places], inputs["age"][places] = Status.NEVER, -1  # no planner over CAN
-        self.seats.receive(inputs, tick)
-        self.images.receive(inputs, tick)
-
-    def send(self, outputs: np.ndarray, tick: int) -> None:
-        self.seats.send(outputs, tick)
-        self.images.send(outputs, tick)
 
 
 @pytest.fixture
@@ -48,7 +23,7 @@ def run(tmp_path: Path):
     with Beside(
         "ros2",
         tmp_path,
-        Both(tmp_path),
+        Both(tmp_path, "ros2"),
         domain=domain,
         commands=True,
         simulated=True,

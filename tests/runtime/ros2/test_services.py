@@ -11,8 +11,9 @@ import pytest
 from runtime.image import OUTPUT, Status
 from specs import ros2
 from tests.runtime.interfaces.beside import Beside
+from tests.runtime.interfaces.both import Both
 from tests.runtime.ros2.peer import DOMAINS, Peer, target, until
-from tests.runtime.ros2.test_live import COMMAND, Both, command, x
+from tests.runtime.ros2.test_live import COMMAND, command, x
 
 pytest.importorskip("cyclonedds")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -50,7 +51,7 @@ def run(tmp_path: Path):
     domain = next(DOMAINS)
     told = {"domain": domain, "commands": True, "simulated": True, "policy": "", "bundle": str(tmp_path)}
     about = {"controller": "pd", "shadow": False}
-    with Beside("ros2", tmp_path, Both(tmp_path), **told, about=about) as served:
+    with Beside("ros2", tmp_path, Both(tmp_path, "ros2"), **told, about=about) as served:
         yield served, Peer(domain)
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from specs import ros2
 from tests.runtime.interfaces.beside import Beside
+from tests.runtime.interfaces.both import Both
 from tests.runtime.ros2.peer import DOMAINS, Peer, until
-from tests.runtime.ros2.test_live import COMMAND, Both, command, target, x
+from tests.runtime.ros2.test_live import COMMAND, command, target, x
 
 pytest.importorskip("cyclonedds")
 FITS_S = 2.5  # more than the process gives both sides to find each other
@@ -19,7 +20,7 @@ FITS_S = 2.5  # more than the process gives both sides to find each other
 def run(tmp_path: Path):
     domain = next(DOMAINS)
     told = {"domain": domain, "commands": True, "simulated": True, "policy": "", "bundle": "", "about": {}}
-    with Beside("ros2", tmp_path, Both(tmp_path), **told) as served:
+    with Beside("ros2", tmp_path, Both(tmp_path, "ros2"), **told) as served:
         yield served, Peer(domain)
 
 
