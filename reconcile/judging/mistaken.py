@@ -62,8 +62,9 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     is_turned = error < enough and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
     explained = list(_explained(core, HALVED * error if is_turned else enough))
-    if explained:
-        error, _, found = min(explained, key=lambda row: row[1])  # parameters as model.py states them
+    if explained:  # of those that leave little, the one with parameters as model.py states them
+        little = max(NOTHING, min(r[0] for r in explained)) / HALVED
+        error, _, found = min((r for r in explained if r[0] <= little), key=lambda row: row[1])
     return _sentence(core, found, errs, error, names or {}) if is_turned or explained else ""
 
 

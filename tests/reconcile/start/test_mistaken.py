@@ -269,6 +269,17 @@ def test_exchanged_columns_that_strange_parameters_make_up_for_are_asked(tmp_pat
     assert not mistaken.evident(right)
 
 
+def test_of_readings_that_explain_the_one_that_leaves_least_is_asked_whatever_the_parameters(monkeypatch):
+    """A clock in minutes, beside a factor of 1000 that leaves 16 % with parameters a little nearer."""
+    rows = [(0.16, 0.14, multiplied(1e-3, "y")), (0.005, 0.45, Reading(unit="min"))]
+    monkeypatch.setattr(mistaken, "_explained", lambda core, enough: iter(rows))
+    monkeypatch.setattr(mistaken, "_by_itself", lambda core: (0.62, 14.6))
+    monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 0.7)
+    monkeypatch.setattr(mistaken, "turned", lambda core: [])
+    said = mistaken.evident(SimpleNamespace(base=None), {"clock": "time"})  # type: ignore[arg-type]
+    assert said.startswith("column clock: 60 times as long")
+
+
 def test_a_clock_in_which_nothing_moves_is_no_reading(tmp_path: Path):
     """Within a thousandth of the time a level stands still: a model that leaves little then tells nothing."""
     own = checks.open_folder(str(folder(tmp_path / "model", LAG.replace("max=10)", "max=50)"))))
