@@ -43,7 +43,8 @@ class ByItself:
     """Single effects beside those of an answer, fitted by the output error; none where nothing errs.
 
     Nor are there any beside a curve: it stands for what no effect has the form of.  `points`: the fits by
-    what is added to the answer, with pairs where these were tried.
+    what is added to the answer, with pairs where these were tried.  Where an effect of another kind explains
+    clearly more than those of the kind that is sure, none is.
     """
 
     def __init__(self, given: Answer):
@@ -55,18 +56,18 @@ class ByItself:
         if self.plain and not given.curves and (self._left or self._errs_alone(self.plain)):
             self.points = dict(self._fitted(self.plain, TRIED))
             self._level = min((sensors(self.core, p) for p in self.points.values()), default=np.inf)
+        if self._other_kind:
+            kinds = {k: min(p, ALONE) for k, p in given.judged.kinds.items()}
+            self.given = replace(given, judged=replace(given.judged, kinds=kinds))
 
     @cached_property
     def answer(self) -> Answer:
         """The answer as it was given, or with effects that take most of the error of the model by itself.
 
         Where the likelihood is sure of a kind, and something is left, that stays the answer; else effects of
-        that kind may be told.  By itself another kind may explain more: then none is sure.  Where it may well
-        be a curve that no effect has, none is told.
+        that kind may be told.  Where it may well be a curve that no effect has, none is.
         """
-        if self._other_kind(sure := self.given.judged.sure_kind):
-            kinds = {k: min(p, ALONE) for k, p in self.given.judged.kinds.items()}
-            self.given, sure = replace(self.given, judged=replace(self.given.judged, kinds=kinds)), None
+        sure = self.given.judged.sure_kind
         curve = curves(self.given.judged.posterior, frozenset()) > 1.0 - SURE
         if self.plain is None or not self.points or self.given.present or (sure and self._left) or curve:
             return self.given
@@ -88,8 +89,7 @@ class ByItself:
         if not self.points or self._without < NEAR:
             return ""
         told = self.answer.judged.alone
-        singles = [k for k in self.points if len(k) == 1]
-        found = [self.answer.judged.answer] if told else self._alike(singles)[:SHOWN]
+        found = [self.answer.judged.answer] if told else self._alike(self._singles)[:SHOWN]
         least = min(map(self._err, found))
         if least > (1.0 - LESS) * self._without:
             whole = f"the model errs by {words.percent(self._without)} of the outputs' motion"
@@ -174,21 +174,23 @@ class ByItself:
         ranked = sorted(near, key=lambda k: (_parameters(k), self._err(k)))
         return list({frozenset(map(_place, k)): k for k in reversed(ranked)}.values())[::-1]
 
+    @property
+    def _singles(self) -> list[Key]:
+        return [k for k in self.points if len(k) == 1]
+
     def _of_other_kinds(self, found: Collection[Key]) -> list[Key]:
         """The best single effect of each kind that is not among these, where it takes a quarter away."""
-        singles = [k for k in self.points if len(k) == 1]
-        others = dict.fromkeys(map(_kind, singles)).keys() - set(map(_kind, found))
-        best = [self._alike([k for k in singles if _kind(k) == one])[0] for one in others]
+        others = {_kind(k) for k in self._singles} - {_kind(k) for k in found}
+        best = [self._alike([k for k in self._singles if _kind(k) == one])[0] for one in sorted(others)]
         most = (1.0 - LESS) * self._without
         return sorted((k for k in best if self._err(k) <= most), key=self._err)
 
-    def _other_kind(self, sure: str | None) -> bool:
+    @property
+    def _other_kind(self) -> bool:
         """Whether an effect of another kind leaves clearly less than those of the kind that is sure."""
-        of = {
-            w: [self._err(k) for k in self.points if len(k) == 1 and (_kind(k) == sure) == w]
-            for w in (True, False)
-        }
-        return bool(of[True] and of[False]) and min(of[False]) < (1.0 - LESS) * min(of[True])
+        sure = self.given.judged.sure_kind
+        least = min((self._err(k) for k in self._singles if _kind(k) == sure), default=0.0)
+        return any(self._err(k) < (1.0 - LESS) * least for k in self._singles if _kind(k) != sure)
 
     def _telling(self, sure: str | None, likely: Container[Key]) -> list[Key]:
         """The simplest that take most of the error away, and some of it in each part.

@@ -12,6 +12,7 @@ from reconcile.recordings.data import Block, Run, Signal
 from reconcile.recordings.ends import held
 from reconcile.search.core import Core
 from reconcile.start.units import THOUSAND, bare, both_ways, known_ratios, other_units, turned_line, turns
+from records.formats.units import seconds
 
 Span = TypeVar("Span", Run, Block)
 ZERO = 273.15  # K, of degC
@@ -19,7 +20,7 @@ FAHRENHEIT = 5.0 / 9.0  # K in a degree of it
 MANY = 4  # channels, beyond which only those of one unit may have been exchanged
 NEAR = 2.0  # times that a signal may be from another unit
 CLOCKS = ("us", "ms", "s", "min")  # units in which a time may be
-SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
+SECONDS = {u: float(seconds(np.ones(1), u, "")[0]) for u in (*CLOCKS, "h", "d")}
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,12 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             before = start - pieces[0].start_s
             # said once for a recording, not for each stretch
             notes = () if runs else (*measured.repairs, *said)
-            runs.append(Run(label, start, end, ins, outs, notes, name, before, measured.clock_unit))
+            runs.append(
+                Run(
+                    label, start, end, ins, outs, notes, of=name, before_s=before,
+                    clock_unit=measured.clock_unit,
+                )
+            )  # fmt: skip
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs

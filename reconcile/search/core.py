@@ -369,5 +369,5 @@ def _still(outputs: Collection[str], runs: Sequence[Run]) -> str:
     """Which outputs keep one value, and which inputs may have been taken for outputs."""
     driven = {n for r in runs for n in r.inputs}
     moving = words.listed(sorted(driven - still(runs, driven)))
-    kept = f": {words.listed(sorted(outputs))} keeps one value" if outputs else ""
-    return f"{kept}, and {moving} does not; are their columns exchanged?" if kept and moving else kept
+    kept = f": {words.listed(sorted(outputs))} at one value all the time" if outputs else ""
+    return f"{kept}, {moving} not; are their columns exchanged?" if kept and moving else kept

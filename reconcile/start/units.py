@@ -70,14 +70,20 @@ def beyond(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = No
         values = [np.abs(r.inputs[v.name].values).max() for r in runs if v.name in r.inputs]
         most = max(abs(v.min or 0.0), abs(v.max or 0.0))
         if values and most and (reach := max(values)) > FAR_BEYOND * most:
-            column = theirs.get(v.name, v.name)
+            column = str(theirs.get(v.name, v.name))
             said = f"column {column} reaches {reach:g}, and {v.name} [{v.unit}] at most {most:g} by model.py"
-            unit = f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
-            return f"{said}: {unit}, or correct model.py"
-    return next((s for v in model.outputs if (s := _outside(v, runs, names or {}))), "")
+            return f"{said}: {_unit_line(column, v)}, or correct model.py"
+    return next(
+        (s for v in model.outputs if (s := _outside(v, runs, str(theirs.get(v.name, v.name)), names or {}))),
+        "",
+    )
 
 
-def _outside(v: Any, runs: Sequence[Any], names: Mapping[str, str]) -> str:
+def _unit_line(column: str, v: Any) -> str:
+    return f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
+
+
+def _outside(v: Any, runs: Sequence[Any], column: str, names: Mapping[str, str]) -> str:
     """The same of an output whose values often lie outside of its limits."""
     each = [r.outputs[v.name].values for r in runs if v.name in r.outputs]
     if not each or (v.min is None and v.max is None):
@@ -88,10 +94,9 @@ def _outside(v: Any, runs: Sequence[Any], names: Mapping[str, str]) -> str:
     out = lambda y: float(np.mean((y < low - near) | (y > high + near)))  # noqa: E731
     if out(values) <= OFTEN:
         return ""
-    column = {bare(ours): theirs for theirs, ours in names.items()}.get(v.name, v.name)
     said = f"column {column} has values from {values.min():g} to {values.max():g}, often outside of "
     said += f"{v.name}'s limits in model.py, {low:g} to {high:g} {v.unit}"
-    how = f"state its unit in [names] of --map, as in '{column}' = '{v.name} [unit]'"
+    how = _unit_line(column, v)
     if out(-values) <= OFTEN:
         how = f"is its sign turned? Then write {turned_line(v.name, names)} in [names] of --map"
     return f"{said}: {how}, or correct model.py"

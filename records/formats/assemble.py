@@ -46,8 +46,9 @@ def assemble(raw: Raw, source: str, names: Mapping[str, str] | None = None) -> M
     if not channels:
         why = "".join(f"; {n}" for n in notes[:3])
         raise InputError(f"{source} holds no samples{why}")
-    said = tuple(notes), tuple(raw.reading), raw.clock_unit
-    found = Measurement(channels, raw.start, raw.meta, source, *said)
+    found = Measurement(
+        channels, raw.start, raw.meta, source, tuple(notes), tuple(raw.reading), clock_unit=raw.clock_unit
+    )
     return _from_zero(found, raw.offset)
 
 

@@ -269,6 +269,15 @@ def test_exchanged_columns_that_strange_parameters_make_up_for_are_asked(tmp_pat
     assert not mistaken.evident(right)
 
 
+def test_a_command_that_is_read_as_the_only_output_is_asked(tmp_path: Path):
+    own = checks.open_folder(str(folder(tmp_path / "model", LAG)))
+    time = 0.02 * np.arange(400)
+    file = table(tmp_path / "a.csv", {"time": time, "y": 1.0 - np.exp(-time), "heat": 0 * time + 50.0})
+    parts = split(read_run(file, own, {"y": "u [1]", "heat": "level [1]"}), (), ())
+    with pytest.raises(InputError, match="level at one value all the time, u not; are their"):
+        Core(own, parts)
+
+
 def test_of_readings_that_explain_the_one_that_leaves_least_is_asked_whatever_the_parameters(monkeypatch):
     """A clock in minutes, beside a factor of 1000 that leaves 16 % with parameters a little nearer."""
     rows = [(0.16, 0.14, multiplied(1e-3, "y")), (0.005, 0.45, Reading(unit="min"))]
