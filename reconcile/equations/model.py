@@ -18,6 +18,7 @@ from specs.errors import InputError
 NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
 # of all outputs they do not show without an input; a lag does, as an exponential of its own
 LATE = ("sensor_delay", "clock_drift", offset.NAME)
+DRIFT = "sensor_drift"
 
 
 @dataclass(frozen=True)
@@ -137,10 +138,11 @@ def _undriven(a: Attached, ports: Ports, outputs: Sequence[str]) -> bool:
     """Whether an effect shows only against an input that moves.
 
     Outputs that are all late are in step with each other, and the hidden end of a shaft that nothing drives
-    swings as it would with any disturbance.
+    swings as it would with any disturbance.  Beside what decays and has no axis, a drift is as one more
+    slow decay.
     """
     late = a.effect.name in LATE and ports.holds(a.port, outputs)
-    return a.effect.shaft or late
+    return a.effect.shaft or late or (a.effect.name == DRIFT and not ports.axes)
 
 
 def _crossed(effect: Effect, names: Sequence[str], folder: Folder) -> list[Attached]:

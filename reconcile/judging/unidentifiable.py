@@ -7,7 +7,7 @@ import casadi as ca
 from fmus.definition import Model
 from reconcile import words
 from reconcile.catalogue import ALL, Effect
-from reconcile.equations.model import LATE, Folder, candidates
+from reconcile.equations.model import DRIFT, LATE, Folder, candidates
 from reconcile.equations.reach import behind, dependence, states_behind
 from reconcile.filter.point import Point
 from reconcile.judging.combined import combined
@@ -75,7 +75,7 @@ def _unfit(effect: Effect, folder: Folder) -> str:
     """Why an effect of the catalogue fits no port of this model."""
     if effect.place in ("force", "inertia") and not folder.ports.axes:
         return f"{words.NO_AXIS}; declare PORTS in model.py"
-    if not folder.model.inputs and (effect.place == "input" or effect.shaft or effect.name in LATE):
+    if not folder.model.inputs and (effect.place == "input" or effect.shaft or effect.name in (*LATE, DRIFT)):
         return "the model has no input"
     lacking = [n for n in effect.needs if n in NEEDS and not _has(folder, n)]
     return next((NEEDS[n] for n in lacking), "")

@@ -113,6 +113,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     said = [*_counted(channels, outputs), *far.left_out(channels, inputs, outputs)]  # in the file's units
     channels = {n: _in_unit(c, units[n], where) for n, c in channels.items()}
     said += [*_within_range(channels, outputs), *_continuous(channels, outputs)]
+    said += far.single(channels, inputs, outputs)
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []

@@ -11,6 +11,8 @@ LITTLE = 0.1  # of a signal: near to nothing
 BRIEF = 0.1  # of its samples: on its way from one sign to the other
 FEW = 0.05  # of the samples: those that may stand for no value
 BEYOND = 10.0  # times the span of all others, by which they lie off
+JUMP = 10.0  # times what samples mostly are off the middle of their neighbours
+RETURN = 0.25  # of a jump, by which the two samples before and after it differ at most
 MOVING = 10.0  # times its noise and its step, which a signal spans that does not just stand (noise: 9)
 NOISY = 2.0  # of the smallest step of a sensor: with less noise a machine that stands shows one value as well
 
@@ -46,6 +48,23 @@ def far_off(values: np.ndarray) -> np.ndarray:
         if off.any() and near > BEYOND * (rest[-1] - rest[0]) and _moves(values[~off]):
             return off & (values != 0.0)
     return np.zeros(len(values), bool)
+
+
+def single(values: np.ndarray) -> np.ndarray:
+    """Which samples [n] jump off and are back at the next one, as no machine moves: few, and each alone."""
+    found = np.zeros(len(values), bool)
+    if len(values) < LEAST:
+        return found
+    before, after, at = values[1:-3], values[3:-1], values[2:-2]
+    jump = np.abs(at - 0.5 * (before + after))
+    around = np.array([before - values[:-4], after - before, values[4:] - after])
+    usual = max(float(np.quantile(jump, 1.0 - 3.0 * FEW)), _step(values))  # a jump is in three of these
+    found[2:-2] = (jump > JUMP * usual) & (np.max(np.abs(around), axis=0) < RETURN * jump)
+    rest = np.ptp(values[~found])
+    found[2:-2] &= jump > LITTLE * rest
+    return (
+        found if found.sum() <= FEW * len(values) and _moves(values[~found]) else np.zeros(len(values), bool)
+    )
 
 
 def held(values: np.ndarray) -> bool:

@@ -3,9 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.signal import lfilter
 
 STRETCHES = 60  # that a record is cut into, for changes large against the noise
 FEWEST = 5  # samples of a stretch, unless the record is very short
+TRIED, TIMES, ROWS = 100, 10.0, 2000  # time constants; the largest, in times of the record; samples used
+HALF = 0.5  # of the values' motion, that a response has to explain
 
 
 def slopes(
@@ -24,6 +27,26 @@ def slopes(
     information = np.linalg.pinv((matrix / size).T @ (matrix / size)) * lag
     deviations = np.sqrt(np.diag(information) * float(left @ left) / lag / free)
     return found / size, deviations / size
+
+
+def response(time: np.ndarray, values: np.ndarray, inputs: Sequence[np.ndarray]) -> tuple[float, np.ndarray]:
+    """Time constant T, and [offset, gains] of T values' = offset + sum gain_i input_i - values.
+
+    By the output error, the best of many T; T is nan where that leaves half of the values' motion.
+    """
+    t = np.linspace(time[0], time[-1], min(len(time), ROWS))
+    y, moved_by = np.interp(t, time, values), [np.interp(t, time, u) for u in inputs]
+    period, tried = t[1] - t[0], np.geomspace(t[1] - t[0], TIMES * (t[-1] - t[0]), TRIED)
+    found = []
+    for lag in tried:
+        kept = float(np.exp(-period / lag))
+        lagging = [lfilter([0.0, 1.0 - kept], [1.0, -kept], u) for u in moved_by]
+        matrix = np.column_stack([np.ones_like(t), *lagging, np.exp(-(t - t[0]) / lag)])
+        c, *_ = np.linalg.lstsq(matrix, y, rcond=1e-8)
+        found.append((float(np.sum((y - matrix @ c) ** 2)), float(lag), c[:-1]))
+    left, lag, c = min(found, key=lambda row: row[0])
+    told = left < HALF * float(np.sum((y - np.mean(y)) ** 2))
+    return lag if told else float("nan"), c
 
 
 def speed(time: np.ndarray, position: np.ndarray) -> np.ndarray:

@@ -153,35 +153,18 @@ def first_order(
 ) -> list[Quantity]:
     """Of a plant of first order; signals are (name, unit), `ours` their columns, `length` (s) the time."""
     y = ours[out[0]]
-    values = si(y, out[1])
-    columns = [-values, np.ones_like(values)]
+    values, moved_by = si(y, out[1]), []
     if drive:
         u = ours[drive[0]]
-        columns.append(np.interp(y.time, u.time, si(u, drive[1])))
-    c, deviation = estimate.slopes(y.time, values, columns)
-    good = bool(c[0] > SURE * deviation[0])
-    lag = 1 / c[0] if good else length / 10
-    rows = [_positive("time_constant", "s", "Time to 63 % of a step", lag, good, length / 10)]
+        moved_by = [np.interp(y.time, u.time, si(u, drive[1]))]
+    lag, (offset, *gains) = estimate.response(y.time, values, moved_by)
+    told = bool(np.isfinite(lag))
+    rows = [_positive("time_constant", "s", "Time to 63 % of a step", lag, told, length / 10)]
     if drive:
-        gain = float(c[2] * lag) if good else 1.0
-        wide = 1e3 * max(abs(gain), 1e-6)
-        rows.append(
-            Quantity(
-                "gain",
-                templates.per(out[1], drive[1]),
-                "Output for one of input",
-                gain,
-                -wide,
-                wide,
-                ESTIMATED if good else GUESS,
-            )
-        )
-    offset = float(c[1] * lag) if good else float(np.mean(values))
-    wide = 1e3 * max(abs(offset), float(np.ptp(values)))
-    return [
-        *rows,
-        Quantity("offset", out[1], "Output without input", offset, -wide, wide, ESTIMATED if good else GUESS),
-    ]
+        unit = templates.per(out[1], drive[1])
+        rows.append(_about("gain", unit, "Output for one of input", float(gains[0]), told, 1.0))
+    text = "Output without input"
+    return [*rows, _about("offset", out[1], text, float(offset), told, float(np.mean(values)))]
 
 
 def free(

@@ -110,3 +110,40 @@ def test_of_an_input_they_are_kept_and_said():
     assert said.startswith(
         "1 sample of heat at -999 W, far beyond all others: kept, since an input may be a pulse"
     )
+
+
+WANDERING = np.cumsum(np.random.default_rng(6).standard_normal(400))
+
+
+@pytest.mark.parametrize(
+    ("values", "places"),
+    [
+        (WAVE, []),
+        (at(WAVE, x60=(60,)), [60]),
+        (at(WAVE, m20=(60, 200, 201)), [60]),
+        (at(WAVE, x60=tuple(range(5, 395, 10))), []),
+        (np.round(at(WAVE, x60=(60,)), 1), [60]),
+        (np.where(TIME < 100.0, WAVE, WAVE + 40.0), []),
+        (np.where(TIME < 100.0, WAVE, WAVE + 40.0 * np.exp(-(TIME - 100.0))), []),
+        (WAVE + 5.0 * np.random.default_rng(7).standard_normal(400), []),
+        (WANDERING, []),
+        (at(np.zeros(400), x50=(60,)), []),
+        (np.sign(np.sin(0.1 * TIME)) * TIME, []),
+        (np.abs(np.sin(0.05 * TIME)), []),
+    ],
+    ids=[
+        "nothing", "one", "one alone and two in a row", "many", "in steps", "a step", "a step that decays",
+        "noise", "a random walk", "a pulse from nothing", "steps that grow", "kinks",
+    ],
+)  # fmt: skip
+def test_single_samples_jump_off_and_are_back_at_the_next(values, places):
+    assert list(np.flatnonzero(ends.single(values))) == places
+
+
+def test_such_a_sample_is_left_out_and_said_but_where_an_input_jumps():
+    spoiled = at(WAVE, x60=(60,))
+    (run,) = read(STEPS, spoiled)
+    assert run.notes == ("1 sample of temperature at 60 K, far from those before and after: left out",)
+    assert len(run.outputs["temperature"].values) == 399
+    (run,) = read(at(STEPS / 50.0, x50=(60, 200)), spoiled)
+    assert len(run.outputs["temperature"].values) == 400

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from reconcile import workflow
+from reconcile.equations.model import candidates
 from reconcile.judging import unidentifiable
 from reconcile.reporting.terminal import lines, recording_notes, tables
 from slewright import __main__ as entry
@@ -48,6 +50,14 @@ def test_a_curve_is_printed_point_by_point():
     assert title == "Another curve of the command U: u' = u + curve(u)"
     assert head == ["at [V]", "value [V]", "95 %"]
     assert rows == [("-1", "0.25", "0.2 .. 0.3"), ("1", "0", "-0.1 .. 0.1")]
+
+
+@pytest.mark.parametrize(("driven", "asked"), [(True, True), (False, False)])
+def test_a_drift_is_not_asked_where_a_body_only_cools(driven: bool, asked: bool):
+    names = ["heat", "temperature"] if driven else ["temperature"]
+    found = {a.effect.name for a in candidates(models.cooling(driven), names)}
+    assert ("sensor_drift" in found) == asked
+    assert "sensor_lag" in found
 
 
 def test_that_no_force_is_looked_for_is_said_in_one_sentence():

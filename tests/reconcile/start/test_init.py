@@ -449,6 +449,19 @@ def test_a_sample_that_stands_for_no_value_bends_no_estimate(tmp_path: Path):
     assert value(open_folder(str(tmp_path / "first")), "time_constant") == pytest.approx(80.0, rel=0.1)
 
 
+def test_a_lag_that_the_model_lacks_bends_an_estimate_by_less_than_two(tmp_path: Path):
+    r = filling(4.0)
+    read = r["level"].copy()
+    for k in range(len(read) - 1):
+        read[k + 1] = read[k] + (r["level"][k] - read[k]) / 8.0
+    file = table(tmp_path / "r.csv", {"t [s]": r["t"], "pump [V]": r["command"], "level [m]": read})
+    start(file, tmp_path / "first", "first-order")
+    folder = open_folder(str(tmp_path / "first"))
+    assert 80.0 < value(folder, "time_constant") < 160.0
+    assert 1.0 < value(folder, "gain") < 4.0
+    assert "a guess" not in (tmp_path / "first" / "model.py").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("step", [1e-5, 30.0, 3600.0])
 def test_what_is_recorded_very_fast_or_slowly_can_be_run(tmp_path: Path, step: float):
     r = filling(step)
