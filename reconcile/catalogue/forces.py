@@ -175,8 +175,6 @@ def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, *
     return Effect(name, "force", equation, parameters, build, more.pop("source", MECHANICS), **more)
 
 
-COULOMB = {"coulomb_friction": "the rest vanishes"}
-
 RELAXATION = Parameter(
     "relaxation",
     "s",

@@ -14,8 +14,6 @@ LOST = 2.0  # times the noise (root mean square): what a set gains is no proof w
 CLOSED = 0.10  # share of the remaining gap that an effect must close on confirm
 ERRORS = 3.0  # standard errors from nothing
 CONFIRM_GAIN = 6.0  # of twice the log-likelihood on confirm: less may be chance
-CHANCE = 3.0  # standard deviations: of hundreds of true effects one in fifty lies two away
-OVERWHELMING = 30.0  # of BIC, on the data to fit: chance alone does not come near
 TELLING = 25.0  # as CONFIRM_GAIN, expected of the effect as it was fitted: less gain may be chance as well
 
 
@@ -78,15 +76,6 @@ class Confirmed:
     closed: float
     gain: float
     expected: float = np.inf  # gain if the effect is as it was fitted
-
-    @property
-    def silent(self) -> bool:
-        """Whether confirm shows too little to judge, and what it shows is no further off than by chance.
-
-        If the effect is true the gain is spread about what is expected by twice its root (normal errors).
-        """
-        spread = 2.0 * float(np.sqrt(self.expected))
-        return self.expected < TELLING and self.gain > self.expected - CHANCE * spread
 
     @property
     def accepted(self) -> bool:
