@@ -160,8 +160,8 @@ def _stops(s: Scales) -> list[float]:
 
 
 def _fewest(s: Scales) -> float:
-    """Waves (rad per unit of place) of which the travel met shows a quarter, a turn one: fewer are a load."""
-    return max(0.5 * math.pi / (s.q_high - s.q_low), float(s.angular))
+    """Waves (rad per unit of place) of which the travel met shows a half, a turn one: fewer are a spring."""
+    return max(math.pi / (s.q_high - s.q_low), float(s.angular))
 
 
 def _waves(s: Scales) -> list[float]:
@@ -317,6 +317,7 @@ EFFECTS = (
         _ripple,
         needs=("q",),
         source="Holtz and Springob, IEEE Trans. Ind. Electron. 43 (1996) 694",
+        becomes={"stiffness": "half a wave over the travel"},
     ),
     *(
         _entry(
@@ -333,7 +334,7 @@ EFFECTS = (
             gated=True,
             form=form,
             source=STOP,
-            becomes={"": "position beyond the travel"},
+            becomes={"": "position beyond the travel", "stiffness": "position before the travel"},
         )
         for form, build, position, low, equation in (
             (

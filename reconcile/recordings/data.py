@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile import words
 from reconcile.equations.model import Folder
-from reconcile.recordings import ends, far, sizes, turns
+from reconcile.recordings import ends, far, released, sizes, turns
 from records.formats import read_measurement
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
@@ -114,6 +114,7 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     channels = {n: _in_unit(c, units[n], where) for n, c in channels.items()}
     said += [*_within_range(channels, outputs), *_continuous(channels, outputs)]
     said += far.single(channels, inputs, outputs)
+    said += released.held_at_first(channels, inputs, outputs)
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []

@@ -45,7 +45,7 @@ def far_off(values: np.ndarray) -> np.ndarray:
     for i, j in ((low, high), (low, len(values)), (0, high)):
         rest, off = ascending[i:j], (values < ascending[i]) | (values > ascending[j - 1])
         near = np.min(np.r_[rest[0] - ascending[:i], ascending[j:] - rest[-1]], initial=np.inf)
-        if off.any() and near > BEYOND * (rest[-1] - rest[0]) and _moves(values[~off]):
+        if off.any() and near > BEYOND * (rest[-1] - rest[0]) and moves(values[~off]):
             return off & (values != 0.0)
     return np.zeros(len(values), bool)
 
@@ -63,7 +63,7 @@ def single(values: np.ndarray) -> np.ndarray:
     rest = np.ptp(values[~found])
     found[2:-2] &= jump > LITTLE * rest
     return (
-        found if found.sum() <= FEW * len(values) and _moves(values[~found]) else np.zeros(len(values), bool)
+        found if found.sum() <= FEW * len(values) and moves(values[~found]) else np.zeros(len(values), bool)
     )
 
 
@@ -94,7 +94,7 @@ def _cuts(ascending: np.ndarray, few: int) -> tuple[int, int]:
     return int(np.argmax(steps[:few])) + 1, n - 1 - int(np.argmax(steps[: -few - 1 : -1]))
 
 
-def _moves(values: np.ndarray) -> bool:
+def moves(values: np.ndarray) -> bool:
     """Whether a signal [n] spans more than noise and the smallest step between its values make it."""
     steps = np.diff(np.unique(values))
     least = max(high_pass_level(values), float(np.min(steps, initial=np.inf)))

@@ -177,9 +177,10 @@ class Beam(Sets):
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
         self.limit = np.inf  # whatever compares and judges the sets may fit what it needs
-        best = self.ranked()[0]
-        for a in best:
-            self.swaps.simpler(best, a)
+        limits = [self.ranked()[0]]
+        for key in limits:  # with what each effect becomes in a limit, then with what two become
+            found = [k for a in key if (k := self.swaps.simpler(key, a)) in self.points]
+            limits += [k for k in found if k not in limits]
         self._share_noise()
         return self.ranked()
 

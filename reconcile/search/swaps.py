@@ -72,7 +72,8 @@ class Swaps:
         grown = frozenset({*rest, other})
         if other != a and (key, grown) not in self._tried and not self.sets.spent():
             self._tried.add((key, grown))
-            same, less = self._same(a, other, point.values), self.sets.points.get(key - {a})
+            same = self._same(a, other, point.values) or self._by_itself(a, other)
+            less = self.sets.points.get(key - {a})
             own = scored.own | same
             start = self.sets.core.values | self.sets.of(key, rest) | own
             if less is not None and not same:  # what the score says holds beside what is left
@@ -98,6 +99,13 @@ class Swaps:
                 found[other.name(q.name)] = values[a.name(twin.name)]
         whole = not left or other.effect.name in a.effect.becomes  # a simpler one has fewer
         return found if len(found) == len(wanted) and whole else {}
+
+    def _by_itself(self, a: Attached, other: Attached) -> Values:
+        """The values that what an effect becomes in a limit has alone, where that was fitted."""
+        alone = self.sets.points.get(frozenset({other}))
+        if alone is None or other.effect.name not in a.effect.becomes:
+            return {}
+        return {n: alone.values[n] for n in (other.name(q.name) for q in other.effect.parameters)}
 
     def simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""
