@@ -369,13 +369,13 @@ def test_what_has_a_factor_of_one_in_nature_is_not_taken_for_something_tiny():
     assert all(0.0 < q.low < 1.0 < q.high for q in factors)
 
 
-def test_what_shows_less_than_a_quarter_of_a_wave_or_turns_slower_than_once_a_turn_is_no_ripple():
+def test_what_shows_less_than_half_a_wave_or_turns_slower_than_once_a_turn_is_no_ripple():
     (ripple,) = [e for e in ALL if e.name == "torque_ripple"]
     (waves,) = [q for q in ripple.parameters if not q.amplitude]
     for scales, fewest in (
-        (Scales(q_low=-0.1, q_high=0.1, angular=True), 0.5 * np.pi / 0.2),
+        (Scales(q_low=-0.1, q_high=0.1, angular=True), np.pi / 0.2),
         (Scales(q_low=-2.0, q_high=2.0, angular=True), 1.0),
-        (Scales(q_low=0.0, q_high=20.0), 0.5 * np.pi / 20.0),
+        (Scales(q_low=0.0, q_high=20.0), np.pi / 20.0),
     ):
         assert waves.bounds(scales)[0] == pytest.approx(fewest)
         assert min(waves.starts(scales)) >= fewest - 1e-9
