@@ -61,7 +61,7 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
     enough = min(HALVED * errs, LOST, beside)
     is_turned = error < enough and not _undriven(core, error)
     # a turned sign may make up for a part of a wrong unit
-    explained = list(_explained(core, HALVED * error if is_turned else enough))
+    explained = list(_explained(core, HALVED * error if is_turned else enough, errs > LOST))
     if explained:  # of those that leave little, the one with parameters as model.py states them
         little = max(NOTHING, min(r[0] for r in explained)) / HALVED
         error, _, found = min((r for r in explained if r[0] <= little), key=lambda row: row[1])
@@ -168,17 +168,18 @@ def bounded_effects(answer: Answer) -> str:
     return f"{words.listed(found)}: it may stand for something else." if found else ""
 
 
-def _explained(core: Core, enough: float) -> Iterator[tuple[float, float, Reading]]:
+def _explained(core: Core, enough: float, lost: bool = False) -> Iterator[tuple[float, float, Reading]]:
     """Error ahead, nats of parameters and reading, where the model errs less than `enough`.
 
     What is taken for noise counts as error.  A parameter takes up much of another clock, and two channels
-    may go together either way: of these the parameters may lie no farther from those of model.py.
+    may go together either way: of these the parameters may lie no farther from those of model.py.  `lost`:
+    whether the model explains nothing as the recordings are; the nearest clock is asked then.
     """
     stated, units = _stated(core), rescaled(core)
     for reading in (*units, *driven(core), *relabelled(core), *unsigned(core)):
         error, whole, nats = _refitted(core, reading)
         near = reading in units or reading.signed or nats < stated
-        if whole < enough and near and not _boundless(core, error, reading):
+        if whole < enough and near and not _boundless(core, error, reading, lost):
             yield error, nats, reading
 
 
@@ -292,15 +293,17 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
     return tried is not None and error > HALVED * tried[0]
 
 
-def _boundless(core: Core, error: float, reading: Reading) -> bool:
+def _boundless(core: Core, error: float, reading: Reading, lost: bool) -> bool:
     """Whether a ratio or clock further off leaves as little error: no force counts then, and no unit is told.
 
-    A small swing is the same in any smaller unit, but degrees are what it is in.
+    Where the model is `lost` as it is, a clock that is nearer has to.  A small swing is the same in any
+    smaller unit, but degrees are what it is in.
     """
     units = {v.name: v.unit for v in core.model.outputs}
     if any(units.get(n) == "rad" and ratio < 1.0 for n, ratio in reading.ratios):
         return False
-    return any(HALVED * _refitted(core, other)[0] < error for other in reading.further)
+    others = [r for r in reading.further if not (lost and reading.unit and reading.nearer(r))]
+    return any(HALVED * _refitted(core, other)[0] < error for other in others)
 
 
 def _sentence(core: Core, reading: Reading, errs: float, less: float, names: Mapping[str, str]) -> str:

@@ -52,6 +52,10 @@ class Reading:
         others = [replace(self, unit=u) for u in CLOCKS if u != self.stated] if self.unit else [again]
         return [r for r in others if r != self and (r.clock < 1.0) == (self.clock < 1.0)]
 
+    def nearer(self, other: "Reading") -> bool:
+        """Whether this clock is nearer to the one stated."""
+        return abs(np.log(self.clock)) < abs(np.log(other.clock))
+
     def of(self, run: Run) -> Run:
         """The run as it is read so."""
         ratios, added, both = dict(self.ratios), dict(self.added), {**run.inputs, **run.outputs}

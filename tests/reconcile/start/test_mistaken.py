@@ -281,12 +281,24 @@ def test_a_command_that_is_read_as_the_only_output_is_asked(tmp_path: Path):
 def test_of_readings_that_explain_the_one_that_leaves_least_is_asked_whatever_the_parameters(monkeypatch):
     """A clock in minutes, beside a factor of 1000 that leaves 16 % with parameters a little nearer."""
     rows = [(0.16, 0.14, multiplied(1e-3, "y")), (0.005, 0.45, Reading(unit="min"))]
-    monkeypatch.setattr(mistaken, "_explained", lambda core, enough: iter(rows))
+    monkeypatch.setattr(mistaken, "_explained", lambda core, enough, lost: iter(rows))
     monkeypatch.setattr(mistaken, "_by_itself", lambda core: (0.62, 14.6))
     monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 0.7)
     monkeypatch.setattr(mistaken, "turned", lambda core: [])
     said = mistaken.evident(SimpleNamespace(base=None), {"clock": "time"})  # type: ignore[arg-type]
     assert said.startswith("column clock: 60 times as long")
+
+
+@pytest.mark.parametrize(
+    ("unit", "lost", "told"), [("s", True, True), ("s", False, False), ("min", True, False)]
+)
+def test_of_two_clocks_that_explain_as_much_the_nearest_is_asked_where_all_is_lost(
+    monkeypatch, unit: str, lost: bool, told: bool
+):
+    """What follows its input at once does so in s and in min."""
+    core: Any = SimpleNamespace(model=SimpleNamespace(outputs=[]))
+    monkeypatch.setattr(mistaken, "_refitted", lambda core, reading: (0.05, 0.05, 0.0))
+    assert mistaken._boundless(core, 0.05, Reading(unit=unit, stated="ms"), lost) is not told
 
 
 def test_a_clock_in_which_nothing_moves_is_no_reading(tmp_path: Path):
@@ -342,7 +354,7 @@ def test_a_sign_is_asked_for_where_half_of_the_error_is_left(
     errors = {"as they are": (least, 0.0), "u": (turned, 1.0), "y": (0.99 * turned, 9.0), "": (undriven, 0.0)}
     monkeypatch.setattr(mistaken, "inputs", lambda core: ["u"])
     monkeypatch.setattr(mistaken, "turned", lambda core: [multiplied(-1.0, n) for n in ("y", "u")])
-    monkeypatch.setattr(mistaken, "_explained", lambda core, enough: [])
+    monkeypatch.setattr(mistaken, "_explained", lambda core, enough, lost: [])
     monkeypatch.setattr(mistaken, "beyond_sensors", lambda core, point: 2.5)
     monkeypatch.setattr(mistaken, "_by_itself", lambda core: errors[core.name])
 
