@@ -1,7 +1,7 @@
 """What the report shows, measured once: held-out predictions, where the disagreement is, floors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from reconcile.errors.ahead import horizon_s
 from reconcile.errors.holdout import Trace
 from reconcile.errors.localise import Located, locate
 from reconcile.errors.regimes import Regime
+from reconcile.filter.kalman import NOISES
+from reconcile.filter.point import Point
 from reconcile.judging.answer import Answer
 from reconcile.search.core import Core
 from reconcile.search.sizes import Floor
@@ -77,11 +79,24 @@ def above(rms: float, floor: Floor) -> float:
 
 def gather(answer: Answer) -> Findings:
     """Measure everything that is shown."""
-    core = answer.core
-    came = core.nominal(answer.base if answer.judged.alone else None)
-    points = dict(zip(STAGES, (came, answer.base, answer.point), strict=True))
+    core, alone = answer.core, answer.judged.alone
+    came = core.nominal(answer.base if alone else None)
+    fitted = answer.base, answer.point
+    if not alone:
+        best = answer.beam.points[answer.judged.answer] if answer.present else core.base
+        fitted = _followed(answer.base, core.base), _followed(answer.point, best)
+    points = dict(zip(STAGES, (came, *fitted), strict=True))
     traces = {stage: holdout.predict(core, p) for stage, p in points.items()}
     return Findings(core, answer, traces, locate(core, core.shown), _floors(core))
+
+
+def _followed(point: Point, by_likelihood: Point) -> Point:
+    """The point with the disturbance of a fit by likelihood.
+
+    Without one, as by the output error, no filter would follow the recording to where a stretch begins.
+    """
+    noise = {n: v for n, v in by_likelihood.values.items() if n.startswith(NOISES)}
+    return replace(point, values=point.values | noise)
 
 
 def _floors(core: Core) -> dict[str, Floor]:
