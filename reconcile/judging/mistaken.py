@@ -296,13 +296,14 @@ def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ..
 def _boundless(core: Core, error: float, reading: Reading, lost: bool) -> bool:
     """Whether a ratio or clock further off leaves as little error: no force counts then, and no unit is told.
 
-    Where the model is `lost` as it is, a clock that is nearer has to.  A small swing is the same in any
-    smaller unit, but degrees are what it is in.
+    Where the model is `lost` as it is, and a longer clock explains, only a nearer one counts.  A small swing
+    is the same in any smaller unit, but degrees are what it is in.
     """
     units = {v.name: v.unit for v in core.model.outputs}
     if any(units.get(n) == "rad" and ratio < 1.0 for n, ratio in reading.ratios):
         return False
-    others = [r for r in reading.further if not (lost and reading.unit and reading.nearer(r))]
+    longer = lost and reading.clock > 1.0
+    others = [r for r in reading.further if not (longer and reading.nearer(r))]
     return any(HALVED * _refitted(core, other)[0] < error for other in others)
 
 
