@@ -208,15 +208,21 @@ class Judge:
         return found
 
     def _by_effects(self, posterior: dict[Key, float]) -> tuple[dict[Key, float], list[Refused]]:
-        """Probabilities without curves, where effects are as likely as a curve that is the likeliest set."""
+        """Probabilities without curves, where effects are as likely as a curve that is the likeliest set.
+
+        So too where the likeliest curve errs ahead no less than the likeliest set: it then only follows what
+        that set does.
+        """
         best = max(posterior, key=lambda k: posterior[k])
         nearest = self.beam.nearest(best) if curved(best) else None
-        left = {k: p for k, p in posterior.items() if k and not curved(k)}
-        if not (nearest and left and nearest[1] <= 0.0):
-            return posterior, []
-        text = "effects explain the recordings as well, where the noise may be larger"
-        total = sum(left.values())
-        return {k: p / total for k, p in left.items()}, all_of(best, text)
+        left = {k: p for k, p in posterior.items() if not curved(k)}
+        if nearest and any(left) and nearest[1] <= 0.0:
+            text = "effects explain the recordings as well, where the noise may be larger"
+            return _normalised({k: p for k, p in left.items() if k}), all_of(best, text)
+        curve = max((k for k in posterior if curved(k)), key=lambda k: posterior[k], default=None)
+        if curve and best and curve != best and self.ahead(curve) > (1.0 - SHORTENED) * self.ahead(best):
+            return _normalised(left), []
+        return posterior, []
 
     def _left(self, key: Key) -> float:
         """Share of the error ahead of the model without effects that a set leaves; 0 where that is noise."""
@@ -356,6 +362,11 @@ class Judge:
 def _less(without: float, with_it: float) -> tuple[float, float]:
     """The share of an error that is gone, and how much that is."""
     return (without - with_it) / max(without, 1e-12), without - with_it
+
+
+def _normalised(weights: Mapping[Key, float]) -> dict[Key, float]:
+    total = sum(weights.values())
+    return {k: w / total for k, w in weights.items()}
 
 
 def _shown(probability: Mapping[str, float], most: float) -> dict[str, float]:
